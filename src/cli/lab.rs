@@ -188,7 +188,7 @@ fn readings_table(
         // All candidates are the plan, in its order.
         (stop.experiments.iter()).map(move |&index| AbsoluteReading {
             configuration_rad: stop.configuration.clone(),
-            visit: Some((place + 1).to_string()),
+            visit: Some((campaign.came_at(place) + 1).to_string()),
             approach: stop.side.as_approach().filter(|_| says_sides),
             ..planning.blank_reading(index)
         })
@@ -196,7 +196,7 @@ fn readings_table(
     let readings: Vec<AbsoluteReading> = readings.collect();
     head(
         scenario,
-        "# what the instrument shows at each stop, in a frame of its own; visit is the number of the stop\n",
+        "# what the instrument shows at each stop, in a frame of its own; visit is the number of the stop at which the robot came\n",
     ) + &readings_to_fill_in(&scenario.task.belief.commands(), &readings)
 }
 

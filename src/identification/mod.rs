@@ -34,7 +34,7 @@ pub use absolute::{
     DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
     ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
     PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
-    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents,
+    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;

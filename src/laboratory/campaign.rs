@@ -10,7 +10,8 @@
 //!
 //! Of absolute readings a stop is one visit, in which all its targets are read. The instrument is set up at each station once, since
 //! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
-//! of all configurations are one round, so that the robot leaves a configuration before it comes there again.
+//! of all configurations are one round, so that the robot leaves a configuration before it comes there again. Where loads are hung in place
+//! a visit is a stop for each of its loads, the first under what hangs already.
 
 use std::collections::BTreeSet;
 
@@ -26,7 +27,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::experiment::{Plan, in_words};
 use crate::plan::absolute::AbsolutePlanning;
 use crate::robot::Load;
-use crate::task::Task;
+use crate::task::{Loading, Task};
 
 /// What a move that is not straight costs more than one that is, and how many times as much.
 const DETOUR: (f64, f64) = (1.0, 2.0);
@@ -94,10 +95,11 @@ impl Campaign {
         keep_order: bool,
     ) -> Result<Self, CampaignError> {
         let unloaded = task.belief.instrument.unloaded;
+        let stays = task.belief.loading == Loading::InPlace;
         let groups = |planner: &Planner<'_>| {
             let places = 0..plan.experiments.len();
             let (in_place, others): (Vec<usize>, Vec<usize>) =
-                places.partition(|&place| laboratory.hangs_in_place(&plan.experiments[place]));
+                places.partition(|&place| stays || plan.experiments[place].direction.is_some());
             let mut groups = groups_of_loads(plan, others.into_iter(), unloaded, keep_order);
             groups.extend(planner.in_place(&in_place, keep_order));
             groups
@@ -174,9 +176,14 @@ impl Campaign {
                 planner.order(stops.last(), &group)
             };
             for member in order {
-                let mut stop = group.stop(plan, member, stops.last(), &sides);
-                stop.way = planner.way(stops.last(), &stop)?;
-                stops.push(stop);
+                let hanging = stops.last().and_then(|last: &Stop| last.load);
+                let loads = group.in_turn(hanging, keep_order).into_iter();
+                for (number, load) in loads.enumerate() {
+                    let of = (member, load, number > 0);
+                    let mut stop = group.stop(plan, of, stops.last(), &sides);
+                    stop.way = planner.way(stops.last(), &stop)?;
+                    stops.push(stop);
+                }
             }
         }
         let return_way = match (&planner.home, stops.last()) {
@@ -275,6 +282,12 @@ impl Campaign {
         self.stops[stop.checked_sub(1)?].load.as_ref()
     }
 
+    /// The stop at which the robot came to where a stop is, both as indices.
+    pub fn came_at(&self, stop: usize) -> usize {
+        let mut before = self.stops[..=stop].iter();
+        before.rposition(|stop| !stop.is_in_place).unwrap_or(stop)
+    }
+
     /// How often the robot is moved to a stop: not where a load is hung in place.
     pub fn moves(&self) -> usize {
         self.stops.iter().filter(|stop| !stop.is_in_place).count()
@@ -353,7 +366,7 @@ impl Planner<'_> {
         let experiments = &self.plan.experiments;
         let group = |load: Option<Load>, members| Group {
             is_in_place: load.is_some(),
-            load,
+            loads: vec![load],
             station: None,
             members,
         };
@@ -380,8 +393,8 @@ impl Planner<'_> {
         let at = |member: usize| group.members[member].0[0];
         let q = |member: usize| &self.plan.experiments[at(member)].configuration_rad;
         let start = last.map(|stop| &stop.configuration).or(self.home.as_ref());
-        let is_alike =
-            last.is_some_and(|last| (last.load, &last.station) == (group.load, &group.station));
+        let is_alike = last
+            .is_some_and(|last| group.loads.contains(&last.load) && last.station == group.station);
         shortest(
             group.members.len(),
             &|first| match start {

@@ -86,32 +86,48 @@ impl Stop {
     }
 }
 
-/// Stops under one load, with the instrument at one station.
+/// Visits under the same loads, with the instrument at one station.
 pub(super) struct Group {
-    pub load: Option<Load>,
+    /// What hangs in each visit in turn.
+    pub loads: Vec<Option<Load>>,
     pub station: Option<String>,
     /// Whether the robot stands there already.
     pub is_in_place: bool,
-    /// The experiments that are measured together, with the number of readings.
+    /// The experiments that are measured in one visit, with the number of readings; of several loads each is read once.
     pub members: Vec<(Vec<usize>, u32)>,
 }
 
 impl Group {
-    /// The stop of a member after another.
+    /// What hangs in a visit in turn, where this hangs before: that first, if the order need not be kept.
+    pub fn in_turn(&self, hanging: Option<Load>, keep_order: bool) -> Vec<Option<Load>> {
+        let mut loads = self.loads.clone();
+        let first = loads.iter().position(|load| *load == hanging);
+        if let Some(first) = first.filter(|_| !keep_order) {
+            loads[..=first].rotate_right(1);
+        }
+        loads
+    }
+
+    /// The stop of a member under one of the loads after another stop, where the robot may stand already.
     pub fn stop(
         &self,
         plan: &Plan,
-        member: usize,
+        (member, load, is_in_place): (usize, Option<Load>, bool),
         last: Option<&Stop>,
         sides: &[(Side, Option<DVector<f64>>)],
     ) -> Stop {
-        let (experiments, readings) = &self.members[member];
+        let (mut experiments, mut readings) = self.members[member].clone();
+        if self.loads.len() > 1 {
+            let here = load.unwrap_or(Load::NONE).as_set();
+            experiments.retain(|&index| plan.experiments[index].load.as_set() == here);
+            readings = u32::try_from(experiments.len()).unwrap_or(u32::MAX);
+        }
+        let is_in_place = is_in_place || self.is_in_place;
         let (side, approach) = &sides[experiments[0]];
         Stop {
             configuration: plan.experiments[experiments[0]].configuration_rad.clone(),
-            experiments: experiments.clone(),
-            load: self.load,
-            changes_load: self.load.is_some() && last.is_none_or(|last| last.load != self.load),
+            load,
+            changes_load: load.is_some() && last.is_none_or(|last| last.load != load),
             direction: plan.experiments[experiments[0]].direction,
             at_gauge: None,
             station: self.station.clone(),
@@ -119,10 +135,11 @@ impl Group {
                 && last.is_none_or(|last| last.station != self.station),
             targets: Vec::new(),
             lengths: Vec::new(),
-            readings: *readings,
+            experiments,
+            readings,
             side: side.clone(),
-            is_in_place: self.is_in_place,
-            approach: approach.clone().filter(|_| !self.is_in_place),
+            is_in_place,
+            approach: approach.clone().filter(|_| !is_in_place),
             way: Way::default(),
         }
     }
@@ -173,12 +190,12 @@ pub(super) fn groups_of_loads(
         let load = Some(first_alike(&mut met, experiment.load));
         let known = (loaded.iter().enumerate())
             .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
-            .find(|(_, group)| group.load == load)
+            .find(|(_, group)| group.loads[0] == load)
             .map(|(place, _)| place);
         match known {
             Some(place) => loaded[place].members.push(member),
             None => loaded.push(Group {
-                load,
+                loads: vec![load],
                 station: None,
                 is_in_place: false,
                 members: vec![member],
@@ -186,7 +203,7 @@ pub(super) fn groups_of_loads(
         }
     }
     let first = Group {
-        load: None,
+        loads: vec![None],
         station: None,
         is_in_place: false,
         members: unloaded,
@@ -197,15 +214,20 @@ pub(super) fn groups_of_loads(
 /// A visit of a plan of absolute readings.
 struct PlannedVisit {
     station: usize,
-    load: Option<Load>,
+    /// What hangs in turn.
+    loads: Vec<Option<Load>>,
     /// How many visits alike there are before.
     round: u32,
     /// What is read, by its place in the plan.
     rows: Vec<usize>,
 }
 
-/// The visits of a plan of absolute readings, in the order of its configurations.
-fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<PlannedVisit> {
+/// The visits of a plan of absolute readings, in the order of its configurations; no load hangs first, if the order need not be kept.
+fn visits(
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
+    keep_order: bool,
+) -> Vec<PlannedVisit> {
     let row = |place: usize| {
         plan.iter()
             .position(|(each, _)| *each == place)
@@ -215,21 +237,30 @@ fn visits(planning: &AbsolutePlanning<'_>, plan: &[(usize, u32)]) -> Vec<Planned
     for group in planning.by_configuration(plan) {
         let first = all.len();
         for alike in group.chunk_by(|one, other| one.visits == other.visits) {
-            let candidate = &planning.candidates[alike[0].place];
             // Where a tracker reads, too, lengths are read beside it.
             let is_seen = |each: &&RepeatedReading| planning.setup(each.place).1.length().is_none();
             let seen = alike.iter().find(is_seen);
             let station = planning.station_of(seen.unwrap_or(&alike[0]).place);
-            let load = candidate.load.filter(|load| *load != Load::NONE);
-            let load = load.map(|load| first_alike(&mut met, load));
+            let mut loads = Vec::new();
+            for each in alike {
+                let load = planning.candidates[each.place].load;
+                let load = load.filter(|load| *load != Load::NONE);
+                let load = load.map(|load| first_alike(&mut met, load));
+                if !loads.contains(&load) {
+                    loads.push(load);
+                }
+            }
+            if !keep_order {
+                loads.sort_by_key(Option::is_some);
+            }
             for _ in 0..alike[0].times {
                 let before = all[first..].iter();
-                let before = before.filter(|each| (each.station, each.load) == (station, load));
+                let before = before.filter(|each| (each.station, &each.loads) == (station, &loads));
                 all.push(PlannedVisit {
                     round: u32::try_from(before.count()).unwrap_or(u32::MAX),
                     rows: alike.iter().map(|each| row(each.place)).collect(),
                     station,
-                    load,
+                    loads: loads.clone(),
                 });
             }
         }
@@ -244,23 +275,24 @@ pub(super) fn groups_of_visits(
     plan: &[(usize, u32)],
     keep_order: bool,
 ) -> Vec<Group> {
-    let mut all = visits(planning, plan);
-    let (mut stations, mut loads) = (Vec::new(), vec![None]);
+    let mut all = visits(planning, plan, keep_order);
+    let unloaded = vec![None];
+    let (mut stations, mut loads) = (Vec::new(), vec![&unloaded]);
     all.sort_by_key(|visit| visit.rows[0]);
     for visit in &all {
         if !stations.contains(&visit.station) {
             stations.push(visit.station);
         }
-        if !loads.contains(&visit.load) {
-            loads.push(visit.load);
+        if !loads.contains(&&visit.loads) {
+            loads.push(&visit.loads);
         }
     }
     let mut groups: Vec<Group> = Vec::new();
     for station in stations {
-        let hanging = groups.last().and_then(|group| group.load);
+        let hanging = groups.last().map_or(&unloaded, |group| &group.loads);
         let rank = |visit: &PlannedVisit| {
-            let place = loads.iter().position(|load| *load == visit.load);
-            (visit.load != hanging, place)
+            let place = loads.iter().position(|loads| **loads == visit.loads);
+            (visit.loads != *hanging, place)
         };
         let here = all.iter().filter(|visit| visit.station == station);
         let mut here: Vec<&PlannedVisit> = here.collect();
@@ -270,11 +302,11 @@ pub(super) fn groups_of_visits(
             here.sort_by_key(|visit| (rank(visit), visit.round));
         }
         let is_one = |one: &&PlannedVisit, other: &&PlannedVisit| {
-            (one.load, one.round) == (other.load, other.round)
+            (&one.loads, one.round) == (&other.loads, other.round)
         };
         groups.extend(here.chunk_by(is_one).map(|group| {
             Group {
-                load: group[0].load,
+                loads: group[0].loads.clone(),
                 station: planning.stations()[station].clone(),
                 is_in_place: false,
                 members: (group.iter())

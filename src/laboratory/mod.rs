@@ -32,7 +32,7 @@ pub use program::{
     Program, ProgramFile, ProgramStep, change_load, hang_or_apply, hung_kg, program, set_gauge,
     set_up, take_off,
 };
-pub use settings::{Costs, Laboratory, Loading};
+pub use settings::{Costs, Laboratory};
 pub use side::Side;
 pub use targets::{ProgramTarget, program_to};
 pub use ways::{Way, Ways};

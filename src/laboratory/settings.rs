@@ -3,8 +3,6 @@
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
-use crate::experiment::Experiment;
-
 /// How long work in the laboratory takes (minutes).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Costs {
@@ -27,17 +25,6 @@ impl Costs {
     }
 }
 
-/// How a load comes onto the robot between the two readings of a deflection.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Loading {
-    /// The robot visits all configurations without it, and returns to each with it.
-    #[default]
-    Returns,
-    /// It is hung where the robot stands, in one visit.
-    InPlace,
-}
-
 impl Default for Costs {
     fn default() -> Self {
         Self {
@@ -54,8 +41,6 @@ impl Default for Costs {
 pub struct Laboratory {
     /// How long work takes.
     pub costs: Costs,
-    /// How a load comes onto the robot.
-    pub loading: Loading,
     /// How fast the slowest joint of a move turns (rad/s), or slides (m/s).
     pub axis_speed_per_s: f64,
     /// How far before each configuration the final approach begins (rad, m); zero for none.
@@ -78,18 +63,12 @@ impl Laboratory {
     pub fn home(&self) -> Option<&[f64]> {
         self.safe_poses.first().map(DVector::as_slice)
     }
-
-    /// Whether an experiment's load is hung where the robot stands: a gauge loses its zero when the robot leaves.
-    pub fn hangs_in_place(&self, experiment: &Experiment) -> bool {
-        self.loading == Loading::InPlace || experiment.direction.is_some()
-    }
 }
 
 impl Default for Laboratory {
     fn default() -> Self {
         Self {
             costs: Costs::default(),
-            loading: Loading::Returns,
             axis_speed_per_s: 10_f64.to_radians(),
             approach: 2_f64.to_radians(),
             safe_poses: Vec::new(),

@@ -1,14 +1,14 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
-use super::{Campaign, Laboratory, Loading};
+use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
 use crate::plan::search::{
     ApproximateDesign, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::robot::ReadsAlong;
-use crate::task::Task;
+use crate::task::{Loading, Task};
 
 /// Searches for each number of configurations: fewer than for a single plan.
 const SEARCHES: usize = 24;
@@ -49,7 +49,7 @@ fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64
         Loads::List(list) => (list.len() as f64).min(stops),
         Loads::Direction { .. } | Loads::Any { .. } => stops,
     };
-    let work = match laboratory.loading {
+    let work = match task.belief.loading {
         _ if others == 0.0 => [0.0; 3],
         Loading::InPlace => [1.0, others, others],
         Loading::Returns => [1.0, 2.0 * stops, changes],

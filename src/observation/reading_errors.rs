@@ -22,6 +22,8 @@ pub struct ReadingErrors {
     pub reading: Matrix6<f64>,
     /// What is new at each visit: how one standard deviation of each random effect moves the target (6 x v).
     pub visit: Matrix6xX<f64>,
+    /// Which of these are new each time that a load is hung.
+    pub of_load: Vec<usize>,
     /// The same of what each configuration has, whatever the load and however often (6 x c).
     pub configuration: Matrix6xX<f64>,
 }
@@ -43,6 +45,7 @@ impl ReadingErrors {
         Self {
             reading: Matrix6::zeros(),
             visit: Matrix6xX::zeros(0),
+            of_load: Vec::new(),
             configuration: Matrix6xX::zeros(0),
         }
     }
@@ -66,7 +69,7 @@ impl ReadingErrors {
         let lever = carried_m - state.tool_position;
         let seen = state.clone().braced(arm.compliance_rad_per_nm);
         let mut reading = Matrix6::zeros();
-        let (mut visit, mut configuration) = (Vec::new(), Vec::new());
+        let (mut visit, mut of_load, mut configuration) = (Vec::new(), Vec::new(), Vec::new());
         for source in sources {
             let share: f64 = if source.is_of_both_readings() {
                 HALF
@@ -77,7 +80,10 @@ impl ReadingErrors {
                 let effect = effect * share.sqrt();
                 match source.level() {
                     SourceLevel::Reading => reading += effect * effect.transpose(),
-                    SourceLevel::Visit => visit.push(effect),
+                    SourceLevel::Visit => {
+                        of_load.extend(source.is_of_load().then_some(visit.len()));
+                        visit.push(effect);
+                    }
                     _ => configuration.push(effect),
                 }
             };
@@ -90,8 +96,23 @@ impl ReadingErrors {
         Self {
             reading,
             visit: together(&visit),
+            of_load,
             configuration: together(&configuration),
         }
+    }
+
+    /// The same where one visit may hang so many loads, and the reading is under one of them, from 1, or under none (0): what is new each time
+    /// that a load is hung has effects of its own for each.
+    pub fn under(self, [load, loads]: [usize; 2]) -> Self {
+        let (known, own) = (self.visit.ncols(), self.of_load.len());
+        let others = loads.saturating_sub(1);
+        let mut visit = self.visit.resize_horizontally(known + others * own, 0.0);
+        if let Some(before) = load.checked_sub(2) {
+            for (place, &column) in self.of_load.iter().enumerate() {
+                visit.swap_columns(column, known + before * own + place);
+            }
+        }
+        Self { visit, ..self }
     }
 
     /// The same of what they move along a direction (unit vector, base frame), which is then the first row.
@@ -111,6 +132,7 @@ impl ReadingErrors {
         Self {
             reading: turned_covariance(&self.reading, by),
             visit: turned_columns(&self.visit, by),
+            of_load: self.of_load.clone(),
             configuration: turned_columns(&self.configuration, by),
         }
     }

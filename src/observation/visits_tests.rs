@@ -34,6 +34,7 @@ impl SharingCase {
                 reading: Matrix6::zeros(),
                 visit: columns(4, 1e-4),
                 configuration: columns(3, 1e-4),
+                ..ReadingErrors::none()
             })
             .collect();
         let own = (0..classes.len())

@@ -284,6 +284,11 @@ impl ReadingSource {
         }
     }
 
+    /// Whether it is new each time that a load is hung, of which a visit may have several.
+    pub const fn is_of_load(&self) -> bool {
+        matches!(self, Self::LoadDirection(_) | Self::LoadPoint(_))
+    }
+
     /// What a contribution does not count of it, in words that follow the source's name.
     pub const fn remark(&self) -> Option<&'static str> {
         if self.is_function() {

@@ -54,6 +54,11 @@ impl Load {
         }
     }
 
+    /// What tells it from others (zeros of either sign are one).
+    pub fn bits(&self) -> [u64; 6] {
+        <[f64; 6]>::from(self.wrench()).map(|value| (value + 0.0).to_bits())
+    }
+
     /// The wrench W as six numbers, force then torque.
     pub fn wrench(&self) -> Vector6<f64> {
         let (f, t) = (&self.force_n, &self.torque_nm);

@@ -11,13 +11,13 @@ use strum::IntoStaticStr;
 
 use super::instrument_file::{InstrumentReads, InstrumentTable};
 use crate::gate::Gate;
-use crate::laboratory::{Costs, Loading};
+use crate::laboratory::Costs;
 use crate::numeric::markov::Correlation;
 use crate::parameter::{DiscrepancyOf, ErrorDistribution};
 use crate::plan::Criterion;
 use crate::robot::{Commands, ReadsAlong, SerialChain};
 use crate::study::Level;
-use crate::task::{AccuracyKind, Method};
+use crate::task::{AccuracyKind, Loading, Method};
 
 /// The whole file.
 #[derive(Debug, Deserialize, JsonSchema)]

@@ -20,7 +20,7 @@ use crate::numeric::random::streams::{Stream, frames_of_trial};
 use crate::observation::ReadLength;
 use crate::plan::absolute::{AbsolutePlanning, RepeatedReading};
 use crate::robot::{EquilibriumError, Load};
-use crate::task::{Belief, Station, Task, station_named};
+use crate::task::{Belief, Loading, Station, Task, station_named};
 use crate::testbed::{ReadingNumbers, SeenFrom, TrueRobots, Truth};
 
 /// The instrument is within such a cube about the robot (m).
@@ -97,8 +97,8 @@ impl VisitedRow<'_> {
 /// What an instrument shows of a target once, in its own frame.
 #[derive(Debug, Clone, Copy)]
 pub struct TargetReading {
-    /// Which reading of the plan it is: rows count in their order, each with its repeats.
-    pub number: usize,
+    /// Which reading of the plan it is, and of which visit: rows count in their order, each with its repeats.
+    pub numbers: ReadingNumbers,
     /// Where the target is (m); of lengths the first coordinate is the length,
     pub position_m: Vector3<f64>,
     /// and its axes.
@@ -112,7 +112,7 @@ impl<'a> ReadPlan<'a> {
         Self {
             planning,
             plan,
-            numbers: numbers(plan, &groups),
+            numbers: numbers(planning, plan, &groups),
             groups,
         }
     }
@@ -210,7 +210,7 @@ impl<'a> ReadPlan<'a> {
                 let three = |from: usize| Vector3::from_fn(|axis, _| own[from + axis][0]);
                 let exact_m = (frame * Point3::from(at_m)).coords;
                 Ok(TargetReading {
-                    number: numbers.reading,
+                    numbers,
                     position_m: match length {
                         None => exact_m + three(0) * sigma_m,
                         Some((kind, shows)) => {
@@ -240,6 +240,7 @@ impl<'a> ReadPlan<'a> {
         run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let instrument = &task.belief.instrument;
+        let stays = task.belief.loading == Loading::InPlace;
         let mut readings = Vec::with_capacity(self.len());
         let frames = self.frames(robots, seed, robots.campaign_of(run));
         for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
@@ -253,8 +254,11 @@ impl<'a> ReadPlan<'a> {
             let covariance = Matrix6::from_diagonal(&Vector6::new(m, m, m, rad, rad, rad));
             readings.extend(shown.into_iter().map(|shown| {
                 let turned = instrument.rotation_sigma_rad.map(|_| shown.rotation);
-                let reading = self.reading(each.place, shown.position_m, turned, covariance);
-                (shown.number, reading)
+                let reading = AbsoluteReading {
+                    visit: stays.then(|| (shown.numbers.visit + 1).to_string()),
+                    ..self.reading(each.place, shown.position_m, turned, covariance)
+                };
+                (shown.numbers.reading, reading)
             }));
         }
         readings.sort_by_key(|(number, _)| *number);
@@ -285,8 +289,12 @@ impl<'a> ReadPlan<'a> {
 }
 
 /// What is sampled for the visits of each reading: readings count in the plan's order, each with its repeats, and the first of a
-/// visit or a configuration brings what all of it share.
-fn numbers(plan: &[(usize, u32)], groups: &[Vec<RepeatedReading>]) -> Vec<Vec<ReadingNumbers>> {
+/// visit, under a load in it, or of a configuration brings what all of it share.
+fn numbers(
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
+    groups: &[Vec<RepeatedReading>],
+) -> Vec<Vec<ReadingNumbers>> {
     let mut firsts = BTreeMap::new();
     let mut count = 0;
     for &(place, times) in plan {
@@ -301,8 +309,12 @@ fn numbers(plan: &[(usize, u32)], groups: &[Vec<RepeatedReading>]) -> Vec<Vec<Re
             let [visit, configuration] = [visit, configuration].map(Option::unwrap_or_default);
             for each in visits {
                 let first = firsts[&each.place];
+                let load = |each: &RepeatedReading| planning.load_of_visit(each.place);
+                let under_it = visits.iter().filter(|other| load(other) == load(each));
+                let under_it = under_it.map(|each| firsts[&each.place]).min();
                 let of_visit = |number: usize| ReadingNumbers {
                     reading: first + number,
+                    load: under_it.unwrap_or(first) + number,
                     visit: visit + number,
                     configuration,
                 };

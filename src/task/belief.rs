@@ -155,6 +155,17 @@ pub enum Method {
     Nonlinear,
 }
 
+/// How a load comes onto the robot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Loading {
+    /// The robot visits configurations without it, and returns to each with it.
+    #[default]
+    Returns,
+    /// It is hung where the robot stands, in one visit.
+    InPlace,
+}
+
 /// What planner and identification believe of the robot, its tools and the instrument, and what they are to
 /// find out.
 #[derive(Debug, Clone)]
@@ -181,6 +192,8 @@ pub struct Belief {
     pub stiffening_at_nm: Vec<Option<f64>>,
     /// How deflections are measured.
     pub instrument: Instrument,
+    /// How a load comes onto the robot, and so whether readings under several may be of one visit.
+    pub loading: Loading,
     /// Where the instrument may stand for absolute readings; none where the scenario does not say.
     pub stations: Vec<Station>,
     /// The method of identification and compensation.

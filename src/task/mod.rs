@@ -15,7 +15,7 @@ use serde::Deserialize;
 use crate::experiment::{Loads, Plan};
 use crate::robot::{EquilibriumError, Load, until_it_stands};
 
-pub use belief::{Belief, Instrument, Method};
+pub use belief::{Belief, Instrument, Loading, Method};
 pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
 pub use gauge::Gauge;

@@ -327,6 +327,7 @@ impl Circumstances {
                 let own = visits.len();
                 let numbers = ReadingNumbers {
                     reading: own,
+                    load: own,
                     visit: own,
                     configuration: firsts[index],
                 };
@@ -442,11 +443,14 @@ impl Visit<'_> {
     }
 }
 
-/// Which reading of a run brings what is new in this one: itself, the first of its visit, and the first in its configuration.
+/// Which reading of a run brings what is new in this one: itself, the first under its load in its visit, the first of the visit, and the
+/// first in its configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ReadingNumbers {
     /// The reading.
     pub reading: usize,
+    /// The first under its load in its visit.
+    pub load: usize,
     /// The first of its visit.
     pub visit: usize,
     /// The first in its configuration.
@@ -517,28 +521,28 @@ impl Circumstances {
         mut turn: impl FnMut(OffBy, usize, f64),
     ) -> ReadingNoise {
         let size = self.numbers_of_reading();
-        let number = |level: SourceLevel, place: usize| {
-            let reading = match level {
-                SourceLevel::Reading => numbers.reading,
-                SourceLevel::Visit => numbers.visit,
-                _ => numbers.configuration,
-            };
+        let number = |reading: usize, place: usize| {
             normals[self.shared.len() + reading * size + place][lane]
         };
         let (mut discrepancy_m, mut turned_rad) = (Vector3::zeros(), Vector3::zeros());
         let mut by_distance = Vec::new();
         let mut place = 0;
         for source in &self.sources {
-            let level = source.level();
+            let own = match source.level() {
+                SourceLevel::Reading => numbers.reading,
+                SourceLevel::Visit if source.is_of_load() => numbers.load,
+                SourceLevel::Visit => numbers.visit,
+                _ => numbers.configuration,
+            };
             let is_halved = self.is_halved(source);
             let mut next = |deviation: f64| {
                 place += 1;
                 if !is_halved {
-                    return deviation * number(level, place - 1);
+                    return deviation * number(own, place - 1);
                 }
                 place += 1;
-                let unloaded = number(SourceLevel::Configuration, place - 1);
-                let loaded = number(level, place - 2);
+                let unloaded = number(numbers.configuration, place - 1);
+                let loaded = number(own, place - 2);
                 deviation * (loaded - unloaded) * OF_ONE_READING
             };
             let mut three = |deviation: f64| Vector3::from_fn(|_, _| next(deviation));

@@ -170,8 +170,13 @@ fn overview(scenario: &Scenario, plan: &Plan, campaign: &Campaign, has_program: 
             };
             shows.push(which + kind.how());
         }
+        let stays = if campaign.stops.iter().any(|stop| stop.is_in_place) {
+            " Where the load changes between two stops of one configuration the robot stays where it stands."
+        } else {
+            ""
+        };
         format!(
-            "{comes}: wait until it has come to rest, read each target of the stop, {}, and tick the stop. A configuration that comes again is \
+            "{comes}: wait until it has come to rest, read each target of the stop, {}, and tick the stop.{stays} A configuration that comes again is \
              another visit of the robot, from the same side where one is given. The instrument stays where it is until the sheet asks \
              for another station.",
             shows.join("; ")
@@ -419,7 +424,12 @@ fn of_stop(
     let line = |text: &str| format!("<tr><td></td><td colspan=\"{columns}\">{text}</td></tr>\n");
     let mut over = String::new();
     if before.is_some() && stop.load.is_none() {
-        over += &line(&format!("{} before the robot moves.", take_off(stop)));
+        let when = if stop.is_in_place {
+            "where the robot stands"
+        } else {
+            "before the robot moves"
+        };
+        over += &line(&format!("{} {when}.", take_off(stop)));
     }
     for via in &stop.way.via {
         over += &line(&format!("over {}", angles(commands, via)));

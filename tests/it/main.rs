@@ -16,6 +16,7 @@
 //! - `unread`: what is uncertain and no reading shows: the task's force, masses of links.
 //! - `uncertainty`: the predicted uncertainties are seen over many seeded runs.
 //! - `uncertainty_budget`: squares of contributions add up to the predicted accuracy, for every kind of source.
+//! - `hung_in_place`: absolute readings under several loads in one visit.
 //! - `identifiability`: what measurements cannot tell is named.
 //! - `determined`: every command names the same compliances as not determined.
 //! - `compensation_trust`: what `compensate` makes of files that it should not trust.
@@ -166,6 +167,7 @@ mod gear_waves;
 mod heights;
 mod held_robots;
 mod hostile_input;
+mod hung_in_place;
 mod identifiability;
 mod implausible_input;
 mod inconsistencies;

@@ -57,6 +57,7 @@ impl AbsoluteCase<'_> {
             targets: self.targets.clone(),
             observations: (places.iter().map(|&index| self.observations[index].clone())).collect(),
             covariances: (places.iter().map(|&index| self.covariances[index])).collect(),
+            loads: (places.iter().map(|&index| self.loads[index])).collect(),
             visits: (visits.filter(|visit: &Vec<usize>| !visit.is_empty())).collect(),
             within: self.within,
             shared: self.shared.as_ref().map(|shared| shared.among(&places)),

@@ -9,7 +9,7 @@ use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, evenly, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
 use super::AbsoluteError;
-use super::visits::visits;
+use super::visits::{loads_of_visits, visit_classes, visits};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
     BareArm, LengthKind, Observation, ObservationModel, Reading, ReadingErrors, Setup,
@@ -45,6 +45,8 @@ pub struct AbsoluteCase<'a> {
     pub covariances: Vec<Matrix6<f64>>,
     /// The readings by their places: those of one visit together.
     pub visits: Vec<Vec<usize>>,
+    /// Which of the loads of its visit each is under, from 1, or none (0); and how many these are at most.
+    pub loads: Vec<[usize; 2]>,
     /// Of what no parameter explains, the standard deviation that readings of one visit do not share: of each coordinate of the
     /// position (m) and of the rotation (rad).
     pub within: [f64; 2],
@@ -98,6 +100,7 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// As [`new`](Self::new), but for units.
     pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+        let classes = visit_classes(readings, belief);
         let mut case = Self {
             belief,
             arm: ElasticArm {
@@ -108,7 +111,8 @@ impl<'a> AbsoluteCase<'a> {
             targets: Vec::new(),
             observations: Vec::new(),
             covariances: Vec::new(),
-            visits: visits(readings, belief),
+            visits: visits(readings, &classes),
+            loads: loads_of_visits(readings, &classes),
             within: [0.0; 2],
             shared: None,
             is_sharing_known: false,
@@ -194,6 +198,7 @@ impl<'a> AbsoluteCase<'a> {
             .into_iter()
             .filter(|source| by_tracker || !matches!(source, ReadingSource::Range(_)));
         let errors = ReadingErrors::new(arm, q, carried, station_m, sources);
+        let errors = errors.under(self.loads[place]);
         match (station_m, reading) {
             (Some(station_m), Reading::Length(read)) => {
                 let apart_m = arm.chain.at(arm.tool).state(q).tool_position - station_m;

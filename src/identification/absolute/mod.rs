@@ -41,3 +41,4 @@ pub use prognoses::MovedStation;
 pub use repeat_components::{PoseReturn, RepeatComponent, RepeatComponents};
 pub use residuals::DistanceStatistics;
 pub use unknowns::{LeftOut, ParameterGroup};
+pub use visits::visit_classes;

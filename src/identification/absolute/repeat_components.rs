@@ -92,8 +92,8 @@ struct Contrasts {
 /// The readings of one visit, those of a target averaged.
 struct AveragedVisit {
     first: usize,
-    /// Which stations and targets.
-    read: Vec<(usize, usize)>,
+    /// Which stations and targets, under which loads.
+    read: Vec<(usize, usize, [u64; 6])>,
     residual: DVector<f64>,
     own: DMatrix<f64>,
     joints: DMatrix<f64>,
@@ -112,9 +112,7 @@ impl AbsoluteCase<'_> {
             .map(|visit| averaged(&kept, &rows, visit, &mut contrasts))
             .collect();
         let setup = |visit: usize| &kept.observations[visits[visit].first].setup;
-        let is_alike = |one: usize, other: usize| {
-            visits[one].read == visits[other].read && setup(one).load == setup(other).load
-        };
+        let is_alike = |one: usize, other: usize| visits[one].read == visits[other].read;
         let groups = together(visits.len(), |visit| setup(visit).pose(), is_alike);
         let within = contrasts.len();
         let mut poses = Vec::new();
@@ -206,10 +204,10 @@ fn averaged(
     visit: &[usize],
     contrasts: &mut Vec<Contrasts>,
 ) -> AveragedVisit {
-    let mut targets: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
+    let mut targets: BTreeMap<(usize, usize, [u64; 6]), Vec<usize>> = BTreeMap::new();
     for &index in visit {
         let setup = &case.observations[index].setup;
-        let target = targets.entry((setup.station, setup.target));
+        let target = targets.entry((setup.station, setup.target, setup.load.bits()));
         target.or_default().push(index);
     }
     let joints = rows[visit[0]].joints.ncols();

@@ -26,7 +26,7 @@ use crate::plan::Criterion;
 use crate::plan::search::{CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
-use crate::task::{Station, Task, station_named};
+use crate::task::{Loading, Station, Task, station_named};
 
 /// After the first search, so many more, each nearer to the plan that was best: the standard deviation of each joint's step, as a share
 /// of its range.
@@ -452,7 +452,12 @@ fn near(task: &Task, best: &[Candidate], step: f64, seed: u64, round: u64) -> Ve
     let mut random = generator(seed, drawn_candidates(round));
     let ranges = &task.region.joint_range_rad;
     let mut all = best.to_vec();
+    let stays = task.belief.loading == Loading::InPlace;
     for row in best {
+        // What is read there under other loads goes with it where these are hung in place.
+        let is_here =
+            |other: &&Candidate| std::ptr::eq(*other, row) || stays && other.pose() == row.pose();
+        let here: Vec<&Candidate> = best.iter().filter(is_here).collect();
         for _ in 0..NEAR {
             // One joint at a time as often as all together.
             let alone = (random.random::<f64>() < 0.5)
@@ -467,7 +472,8 @@ fn near(task: &Task, best: &[Candidate], step: f64, seed: u64, round: u64) -> Ve
                     (angle + step * (high - low) * normal).clamp(*low, *high)
                 })
                 .collect();
-            all.push(self::moved(task, row, DVector::from_vec(moved)));
+            let q = DVector::from_vec(moved);
+            all.extend(here.iter().map(|row| self::moved(task, row, q.clone())));
         }
     }
     all

@@ -102,7 +102,7 @@ impl<'a> AbsolutePlanning<'a> {
             before: relative_precision(&set),
             unasked: case.unasked(groups),
             offer,
-            neighbours: Neighbours::of(&candidates, &task.belief),
+            neighbours: Neighbours::of(&readings, &task.belief),
             candidates,
             case,
             set,
@@ -190,11 +190,15 @@ pub(super) fn merged(rows: &[Candidate]) -> Vec<Candidate> {
     alike(rows).into_iter().map(row).collect()
 }
 
-/// Readings that are alike as one, with how often it is taken.
+/// Readings that are alike as one, with how often it is taken; those of which a column says the visit stay apart.
 fn taken_once(measured: &[AbsoluteReading]) -> (Vec<AbsoluteReading>, Vec<u32>) {
     let rows: Vec<Candidate> = measured.iter().map(row_of).collect();
     let times = |group: &[usize]| u32::try_from(group.len()).unwrap_or(u32::MAX);
-    (alike(&rows).into_iter())
+    let apart = |group: Vec<usize>| match measured[group[0]].visit {
+        Some(_) => group.into_iter().map(|place| vec![place]).collect(),
+        None => vec![group],
+    };
+    (alike(&rows).into_iter().flat_map(apart))
         .map(|group| (measured[group[0]].clone(), times(&group)))
         .unzip()
 }

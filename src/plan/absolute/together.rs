@@ -6,14 +6,15 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
 use super::AbsolutePlanning;
-use crate::experiment::{Candidate, numbered};
+use crate::experiment::numbered;
+use crate::identification::visit_classes;
+use crate::measurement::AbsoluteReading;
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
     SharingReadings, Together, Visits, Whitener, turned_columns, visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
-use crate::robot::Load;
 use crate::task::Belief;
 
 /// Which candidates share errors.
@@ -21,23 +22,16 @@ use crate::task::Belief;
 pub(super) struct Neighbours {
     /// The number of each candidate's configuration.
     pub configurations: Vec<usize>,
-    /// The number of each candidate's visit: at one command pose, under one load, with the instrument at one station. What reads distances
-    /// beside an only tracker does so in its visits.
+    /// The number of what each may share a visit with.
     visits: Vec<usize>,
 }
 
 impl Neighbours {
-    pub fn of(candidates: &[Candidate], belief: &Belief) -> Self {
-        let pose = |place: usize| candidates[place].pose();
-        let of_visit = |place: usize| {
-            let each = &candidates[place];
-            let station = belief.station_of_visit(each.station.as_deref());
-            (each.load.unwrap_or(Load::NONE), station.map(str::to_owned))
-        };
-        let is_of_visit = |one, other| of_visit(one) == of_visit(other);
+    pub fn of(readings: &[AbsoluteReading], belief: &Belief) -> Self {
+        let pose = |place: usize| readings[place].pose();
         Self {
-            configurations: numbered(candidates.len(), pose, |_, _| true),
-            visits: numbered(candidates.len(), pose, is_of_visit),
+            configurations: numbered(readings.len(), pose, |_, _| true),
+            visits: visit_classes(readings, belief),
         }
     }
 
@@ -178,6 +172,11 @@ impl AbsolutePlanning<'_> {
     /// A candidate's station, by its number.
     pub fn station_of(&self, place: usize) -> usize {
         self.case.observations[place].setup.station
+    }
+
+    /// Which of the loads of its visit a candidate is read under, from 1, or none (0).
+    pub fn load_of_visit(&self, place: usize) -> usize {
+        self.case.loads[place][0]
     }
 
     fn sharing_reading(&self, place: usize) -> SharingReading<'_> {

@@ -4,13 +4,13 @@ use nalgebra::DVector;
 
 use super::Checker;
 use crate::files::FileError;
-use crate::laboratory::{Costs, Laboratory, Loading};
+use crate::laboratory::{Costs, Laboratory};
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
 use crate::quantities::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
 use crate::robot::{Commands, SerialChain};
 use crate::scenario::file::File;
-use crate::task::AccuracyKind;
+use crate::task::Loading;
 
 /// The largest number of a tool or a base.
 const LARGEST_NUMBER: u32 = 1000;
@@ -47,7 +47,6 @@ impl Checker<'_> {
                 load_change_min: minutes("load_change_min", change, costs.load_change_min)?,
                 reading_min: minutes("reading_min", table.reading_min, costs.reading_min)?,
             },
-            loading: table.loading,
             axis_speed_per_s: given("axis_speed_deg_s", axis_speed, &AXIS_SPEED)?
                 .map_or(usual.axis_speed_per_s, f64::to_radians),
             approach: given("approach_deg", table.approach_deg, &APPROACH)?
@@ -62,17 +61,11 @@ impl Checker<'_> {
 
     /// Whether loads can be hung in place.
     fn loading(&self, file: &File) -> Result<(), FileError> {
-        let other = match (&file.laboratory.loading, &file.instrument.unloaded) {
-            (Loading::Returns, _) => return Ok(()),
-            _ if file.design.accuracy == AccuracyKind::Absolute => {
-                "design.accuracy is \"absolute\": each reading is of one load"
-            }
-            (_, Unloaded::Shared) => {
-                "instrument.unloaded is \"shared\": each load is read beside the zero before it"
-            }
-            (_, Unloaded::Own) => return Ok(()),
-        };
-        let problem = format!("is \"in_place\", and {other}");
+        let both = (file.laboratory.loading, file.instrument.unloaded);
+        if both != (Loading::InPlace, Unloaded::Shared) {
+            return Ok(());
+        }
+        let problem = "is \"in_place\", and instrument.unloaded is \"shared\": each load is read beside the zero before it";
         Err(self.wrong("laboratory.loading", problem))
     }
 

@@ -120,6 +120,7 @@ impl Checker<'_> {
             machining_tool,
             parameters,
             instrument,
+            loading: file.laboratory.loading,
             stations,
             method: file.identification.method,
         };
