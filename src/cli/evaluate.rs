@@ -52,7 +52,8 @@ impl Evaluate {
         if let Some(trials) = &trials {
             report.json["trials"] = trials.json();
         }
-        args.finish(&scenario, (&planned, trials.as_ref()), report)
+        let tried = (&planned, trials.as_ref());
+        args.finish(&scenario, tried, Some(&self.plan), report)
     }
 
     /// A plan of deflections, and how near it is to the best that there can be.

@@ -58,7 +58,7 @@ use crate::measurement::Origin;
 use crate::record::messages::{platform, results};
 use crate::scenario::{Scenario, scenario_schema};
 use crate::text::{diagnostics::say, plain, wording::shell_path};
-use crate::understanding::collapse;
+use crate::understanding::{collapse, pointless};
 use anyhow::Context;
 use clap::{Arg, Args, Parser, Subcommand};
 use serde_json::{Value, json};
@@ -373,22 +373,26 @@ impl Command {
     }
 }
 
-/// Refuses a scenario whose robot does not stand at its test poses: nothing is predicted there.
-pub fn rests(scenario: &Scenario) -> Result<(), FileError> {
-    match collapse(scenario) {
+/// Refuses a scenario whose robot does not stand at its test poses, where nothing is predicted, or bends there by nothing that is unknown.
+pub fn has_task(scenario: &Scenario) -> Result<(), FileError> {
+    let wrong = |problem: String| FileError::new(&scenario.path, problem);
+    if let Some(problem) = collapse(scenario) {
+        let wrong = wrong(problem).at("robot").code(ErrorCode::NoEquilibrium);
+        return Err(wrong.hint("`elastocal check` shows the stiffness of each joint"));
+    }
+    match pointless(&scenario.task) {
         None => Ok(()),
-        Some(problem) => Err(FileError::new(&scenario.path, problem)
-            .at("robot")
-            .code(ErrorCode::NoEquilibrium)
-            .hint("`elastocal check` shows the stiffness of each joint")),
+        Some(problem) => Err(wrong(problem).at("test_pose").code(ErrorCode::Scenario).hint(
+            "a force through a joint's axis does not bend it: move the tool, turn the force, or name other joints as robot.parameters",
+        )),
     }
 }
 
 impl Common {
-    /// The scenario of a command, whose robot rests at its test poses.
+    /// The scenario of a command, whose robot has something to do at its test poses.
     fn open(&self, command: &str) -> anyhow::Result<Scenario> {
         let scenario = self.load()?;
-        rests(&scenario)?;
+        has_task(&scenario)?;
         self.refuse_others(command, &scenario)?;
         Ok(scenario)
     }

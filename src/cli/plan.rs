@@ -200,7 +200,12 @@ impl PlanCommand {
         if let Some(path) = &self.stills_out {
             report.save(path, &planned.stills(&scenario).sheet());
         }
-        args.finish(&scenario, (&planned, None), report)
+        args.finish(
+            &scenario,
+            (&planned, None),
+            self.plan_out.as_deref(),
+            report,
+        )
     }
 
     /// A plan of absolute readings, of candidates or of configurations that are drawn.

@@ -10,8 +10,8 @@ use crate::task::{Task, TestPose};
 use clap::Arg;
 
 use super::command_prelude::*;
+use super::has_task;
 use super::proof::ProofArgs;
-use super::rests;
 use super::uncertainty_budget::BudgetArgs;
 
 /// So many configurations are drawn where nothing else is said.
@@ -94,7 +94,7 @@ impl PlanArgs {
         let mut scenario = self.common.load()?;
         self.common.check_files(&scenario, None)?;
         self.replace_test_poses(&mut scenario.task)?;
-        rests(&scenario)?;
+        has_task(&scenario)?;
         Ok(scenario)
     }
 

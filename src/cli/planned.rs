@@ -176,11 +176,12 @@ impl PlanArgs {
         Ok((self.common).report(command, scenario, keys, report)?)
     }
 
-    /// Writes the page of a plan, where that is wanted.
+    /// Writes the page of a plan that is in a file, where it is wanted.
     pub fn finish(
         &self,
         scenario: &Scenario,
         (planned, trials): (&PlannedAccuracy<'_>, Option<&RobotTrials>),
+        plan: Option<&Path>,
         mut report: Report,
     ) -> anyhow::Result<Report> {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
@@ -190,6 +191,8 @@ impl PlanArgs {
                 conditions: &report.conditions,
                 provenance: &self.common.provenance(scenario)?,
                 command: &command_line(),
+                plan: plan.unwrap_or("plan.csv".as_ref()),
+                parameters: &self.readings.parameters,
             };
             let page = absolute_page(&page, record, trials, None)?;
             report.save(path, &page);

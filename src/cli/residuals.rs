@@ -73,7 +73,7 @@ pub fn residuals(
 }
 
 /// A probability with two digits.
-fn probability(value: f64) -> String {
+pub fn probability(value: f64) -> String {
     if value >= 0.01 {
         format!("{value:.2}")
     } else {

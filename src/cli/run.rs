@@ -80,14 +80,16 @@ impl Run {
         };
         let mut report = looped.report;
         let stills = looped.planned.stills(&scenario);
+        let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
             stills: &stills.figures(),
             conditions: &report.conditions,
             provenance: &common.provenance(&scenario)?,
             command: &command_line(),
+            plan: &plan,
+            parameters: &self.readings.parameters,
         })?;
-        let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let written = &mut report.written;
         written.note(&plan, looped.planned.write(&scenario.task, &plan));
         let origin = scenario
@@ -182,8 +184,8 @@ impl Run {
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
         let record = &outcome.record;
-        let text = absolute::describe(&record.identification, &scenario.task.belief.instrument)
-            + &of_readings(plan, &outcome);
+        let text =
+            absolute::describe(&record.identification, &task.belief) + &of_readings(plan, &outcome);
         let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &record.readings),

@@ -17,6 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
 use super::identified::{IdentifiedCompliances, read_identified, read_stored, refuse_same, trust};
+use super::residuals;
 use super::table::{DISTANCES, distances, residual_name};
 use super::tolerance::{ToleranceArgs, report_judged};
 
@@ -208,9 +209,9 @@ fn describe(validation: &Predictions) -> String {
     let rotation = has_rotation.then_some(" | rotation, measured less predicted [urad]");
     let header = "measurement | measured less predicted [um] | predicted rms [um] | contribution of the robot [um]";
     format!(
-        "{}\nPredicted and observed differences: p = {:.2}.\n",
+        "{}\nPredicted and observed differences: p = {}.\n",
         table(&(header.to_owned() + rotation.unwrap_or_default()), rows),
-        validation.probability()
+        residuals::probability(validation.probability())
     )
 }
 
@@ -284,8 +285,8 @@ fn describe_readings(
     };
     let shares = joined((0..2).filter_map(share), " and ");
     text += &format!("  In their regions of 95 % lie {shares}.\n");
-    if let Some(probability) = validation.probability {
-        text += &format!("  predicted and observed differences: p = {probability:.2}\n");
+    if let Some(p) = validation.probability.map(residuals::probability) {
+        text += &format!("  predicted and observed differences: p = {p}\n");
     }
     text + &naming(
         &validation.frames_anew,

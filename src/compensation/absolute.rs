@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, UnitQuaternion, Vector3};
 
+use crate::identification::JointError;
 use crate::parameter::ElasticArm;
 use crate::robot::{EquilibriumSolver, Load, SerialChain, rotation_vector};
 
@@ -21,6 +22,8 @@ const ROUNDING: f64 = 1e-9;
 const OFFSET_STEPS: usize = 500;
 /// Less makes no difference (rad, m).
 const SETTLED: f64 = 1e-12;
+/// So often the ends of joints' ranges are moved by what commands are corrected by there: each time by what the last left.
+const ENDS: usize = 6;
 /// So many configurations all over the joints' ranges are started from where others do not lead there.
 const STARTS: usize = 48;
 
@@ -81,14 +84,15 @@ pub struct InverseKinematics<'a> {
     arm: &'a ElasticArm,
     chain: SerialChain,
     tool: usize,
+    errors: &'a [JointError],
     commanded: Vec<usize>,
     solver: EquilibriumSolver,
     response: DMatrix<f64>,
 }
 
 impl<'a> InverseKinematics<'a> {
-    /// For one of the arm's tools, by its place.
-    pub fn new(arm: &'a ElasticArm, tool: usize) -> Self {
+    /// For one of the arm's tools, by its place, whose joints are off by these errors.
+    pub fn new(arm: &'a ElasticArm, tool: usize, errors: &'a [JointError]) -> Self {
         let chain = arm.loaded_chain();
         Self {
             commanded: chain.commanded().collect(),
@@ -97,6 +101,7 @@ impl<'a> InverseKinematics<'a> {
             chain,
             arm,
             tool,
+            errors,
         }
     }
 
@@ -114,11 +119,14 @@ impl<'a> InverseKinematics<'a> {
         let near = starts.first().unwrap_or(&others[0]).clone();
         let mut failure = NOWHERE;
         for start in starts.iter().chain(&others) {
-            // Where the free way leaves the ranges, one along their ends may not.
-            for keeps_ranges in [false, true] {
-                let found = (self.search(target, start, keeps_ranges))
-                    .and_then(|found| self.before_offsets(found, &target.load))
-                    .and_then(|found| self.within_range(found, &near));
+            // Where the free way leaves the ranges, one along their ends may not: where joints stand at the ends of their commands.
+            let mut ends: Option<Vec<[f64; 2]>> = None;
+            for _ in 0..=ENDS {
+                let found = (self.search(target, start, ends.as_deref())).and_then(|stands| {
+                    let commands = self.before_offsets(&stands, &target.load)?;
+                    ends = Some(self.ends(&(stands - &commands)));
+                    self.within_range(commands, &near)
+                });
                 match found {
                     Ok(commands) => return Ok(commands),
                     Err(new) => {
@@ -159,12 +167,18 @@ impl<'a> InverseKinematics<'a> {
         Some(DVector::from_vec(left))
     }
 
-    /// Levenberg and Marquardt's way from a start.
+    /// The ranges within which joints stand that are commanded within theirs, by how far they stand off (rad, m).
+    fn ends(&self, off: &DVector<f64>) -> Vec<[f64; 2]> {
+        let joints = self.chain.joints.iter().zip(off);
+        (joints.map(|(joint, off)| joint.range_rad.map(|end| end + off))).collect()
+    }
+
+    /// Levenberg and Marquardt's way from a start, within ranges where there are any.
     fn search(
         &mut self,
         target: &AbsoluteTarget,
         start: &DVector<f64>,
-        keeps_ranges: bool,
+        ends: Option<&[[f64; 2]]>,
     ) -> Result<DVector<f64>, Unreachable> {
         let mut commands = start.clone();
         let mut damping = FIRST_DAMPING;
@@ -185,8 +199,8 @@ impl<'a> InverseKinematics<'a> {
             let mut next = commands.clone();
             for (&joint, by) in self.commanded.iter().zip(&step) {
                 next[joint] += by;
-                if keeps_ranges {
-                    let [low, high] = self.chain.joints[joint].range_rad;
+                if let Some(ends) = ends {
+                    let [low, high] = ends[joint];
                     next[joint] = next[joint].max(low).min(high);
                 }
             }
@@ -212,23 +226,26 @@ impl<'a> InverseKinematics<'a> {
         })
     }
 
-    /// What to command so that joints with their gears, their gaps and what they give besides their springs stand where others would with
-    /// these commands; approached with all joints turning positively.
+    /// What to command so that joints with their gears, their gaps, what they give besides their springs and their errors stand where others
+    /// would with these commands; approached with all joints turning positively.
     fn before_offsets(
         &self,
-        wanted: DVector<f64>,
+        wanted: &DVector<f64>,
         load: &Load,
     ) -> Result<DVector<f64>, Unreachable> {
-        if !self.arm.leans() && self.arm.gear_waves.is_empty() {
-            return Ok(wanted);
-        }
         let mut commands = wanted.clone();
+        if !self.arm.leans() && self.arm.gear_waves.is_empty() && self.errors.is_empty() {
+            return Ok(commands);
+        }
         let mut moved = (0, f64::INFINITY);
         for _ in 0..OFFSET_STEPS {
             if moved.1 <= SETTLED {
                 break;
             }
-            let offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
+            let mut offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
+            for error in self.errors {
+                offsets[error.joint] += error.at(commands[error.joint]);
+            }
             moved = (0, 0.0);
             for &joint in &self.commanded {
                 let next = wanted[joint] + self.arm.zero_rad[joint] - offsets[joint];

@@ -14,6 +14,9 @@ use crate::numeric::markov::Correlation;
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
 
+/// A quaternion is a rotation where its length is that near to 1.
+const UNIT: f64 = 1e-6;
+
 /// Where a station or a target is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct MountedFrameMessage {
@@ -370,7 +373,11 @@ impl MountedFrameMessage {
     pub fn frame(&self, otherwise: &Isometry3<f64>) -> Option<Isometry3<f64>> {
         let rotation = match self.quaternion {
             None => otherwise.rotation,
-            Some([w, x, y, z]) => UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 1e-6)?,
+            Some([w, x, y, z]) => {
+                let read = Quaternion::new(w, x, y, z);
+                let is_unit = (read.norm() - 1.0).abs() < UNIT;
+                is_unit.then(|| UnitQuaternion::from_quaternion(read))?
+            }
         };
         let position_m = Vector3::from(self.position_mm) * 1e-3;
         let is_finite = |value: &f64| value.is_finite();

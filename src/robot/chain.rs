@@ -16,6 +16,11 @@ pub struct Drive {
 }
 
 impl Drive {
+    /// The unit of its coordinate.
+    pub const fn unit(self) -> &'static str {
+        if self.slides { "m" } else { "rad" }
+    }
+
     /// The unit of its compliance.
     pub const fn compliance_unit(self) -> &'static str {
         if self.slides { "m/N" } else { "rad/(N m)" }

@@ -13,7 +13,7 @@ use crate::robot::{Drive, EquilibriumError, EquilibriumSolver, Load, SerialChain
 use crate::scenario::Scenario;
 use crate::task::TestPose;
 
-pub use plausibility::{collapse, implausible, impossible};
+pub use plausibility::{collapse, implausible, impossible, pointless};
 pub use truth::UnderstoodTruth;
 pub use unknowns::{Unknowns, unknowns};
 

@@ -4,14 +4,15 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::Vector3;
+use nalgebra::{DMatrix, DVector, Vector3};
 
 use super::{Understanding, UnderstoodPose, bent as bent_at};
 use crate::codes::{Condition, ConditionCode};
+use crate::compensation::test_pose_rows;
 use crate::experiment::Loads;
 use crate::robot::{EquilibriumError, Joint, Load};
 use crate::scenario::Scenario;
-use crate::task::{Task, TestPose};
+use crate::task::{AccuracyKind, Task, TestPose};
 use crate::text::wording::in_um;
 
 /// A robot that sags or bends by more than this at its tool (m) ...
@@ -20,6 +21,8 @@ const BENT_M: f64 = 0.05;
 const BENT_RAD: f64 = 0.035;
 /// A task load that moves the tool by less (m) bends nothing that could be compensated.
 const RIGID_M: f64 = 1e-8;
+/// What is unknown bends nothing where it moves the tool by less (m): rounding makes as much of zero.
+const NOTHING_M: f64 = 1e-15;
 /// A compliance above this (rad/(N m)) is a stiffness in N m/rad, or in another unit.
 const COMPLIANCE_RAD_PER_NM: f64 = 1e-3;
 /// No arm is longer than this (m); one in millimetres is.
@@ -73,6 +76,7 @@ pub(super) fn warnings(scenario: &Scenario, understood: &Understanding) -> Vec<S
         warnings.extend(bent(understood, bends).filter(|_| !is_soft));
         warnings.extend(rigid(bends).filter(|_| pose.load.wrench().norm() > 0.0));
     }
+    warnings.extend(pointless(&scenario.task));
     warnings.extend(instrument(scenario));
     // What another mistake does to the deflection is no news, either.
     if warnings.is_empty() {
@@ -130,6 +134,19 @@ fn upward(task: &Task) -> Option<Condition> {
 pub fn collapse(scenario: &Scenario) -> Option<String> {
     let falls = |pose: &TestPose| Some(no_rest(&pose.name, &bent_at(scenario, pose).err()?));
     scenario.task.test_poses.iter().find_map(falls)
+}
+
+/// Why compensation has nothing to find out: nothing that is unknown bends the tool at the test poses, so that no plan is better than another.
+pub fn pointless(task: &Task) -> Option<String> {
+    let sizes = DVector::from_vec(task.belief.sizes());
+    let bent_m = |pose: &TestPose| {
+        let rows = test_pose_rows(&task.belief, pose);
+        (rows * DMatrix::from_diagonal(&sizes)).norm()
+    };
+    let is_relative = task.design.accuracy == AccuracyKind::Relative;
+    (is_relative && task.test_poses.iter().all(|pose| bent_m(pose) < NOTHING_M)).then(|| {
+        "nothing that is unknown bends the tool under the loads of the test poses: there is nothing to compensate".to_owned()
+    })
 }
 
 fn no_rest(pose: &str, error: &EquilibriumError) -> String {

@@ -5,7 +5,8 @@ use serde_json::{Value, json};
 
 use crate::codes::{Condition, ConditionCode};
 use crate::identification::input_errors::{
-    LikelyInputError, conditions_of_table, suspected_input_errors, unknown_approaches,
+    LikelyInputError, conditions_of_table, outside_limits, suspected_input_errors,
+    unknown_approaches,
 };
 use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
@@ -314,6 +315,8 @@ impl<'a> IdentifiedRobot<'a> {
         conditions.extend(self.exchanged_targets());
         conditions.extend(self.fit.conditions());
         let (belief, readings) = (self.case.belief, self.case.observations.iter());
+        let commands = (readings.clone()).map(|each| &each.setup.commanded_rad);
+        conditions.extend(outside_limits(&belief.nominal.chain, "reading", commands));
         let sides = readings.map(|each| each.setup.approach.as_ref());
         conditions.extend(unknown_approaches(&belief.uncertain, "reading", sides));
         let inconsistencies = self.inconsistencies.iter();

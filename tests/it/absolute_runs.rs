@@ -251,6 +251,13 @@ fn the_truth_is_that_of_the_run() {
         (without, "--draw 12 --parameters zeros", 4),
     ] {
         let (place, run) = run_of(&absolute(more), options);
+        // What to do next is of the same unknowns, and finds its files.
+        let page = place.read("out/s/report.html");
+        let asked = options.find("--parameters").map_or("", |at| &options[at..]);
+        let identify = format!("identify s.toml --measurements measurements.csv {asked}");
+        for command in [identify.trim_end(), "lab s.toml --plan out/s/plan.csv"] {
+            assert!(page.contains(command), "{command}");
+        }
         let identified = unknowns(&run);
         let truth = run["truth"]["unknowns"].as_array().expect("a list");
         let mut judged = 0;

@@ -368,7 +368,7 @@ fn steep_gear_errors_are_corrected_or_refused() {
                 rotation: None,
                 load: Load::NONE,
             };
-            let found = InverseKinematics::new(&arm, 0).commands(&target, &[stands]);
+            let found = InverseKinematics::new(&arm, 0, &[]).commands(&target, &[stands]);
             let Ok(commands) = found else {
                 assert_eq!(found, Err(Unreachable::Unsettled { joint }));
                 refused += 1;

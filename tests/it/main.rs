@@ -29,6 +29,7 @@
 //! - `absolute_studies`: studies of absolute plans, and their pages.
 //! - `next_readings`: which absolute readings to take next.
 //! - `absolute_campaigns`: plans of absolute readings in the laboratory, and their tables to fill in.
+//! - `rails`: joints that slide are read, told and kept within their ends in their own unit.
 //! - `absolute_targets`: compensated angles for absolute poses.
 //! - `exported_models`: the calibrated robot as MJCF, read again.
 //! - `foreign_tables`: tables of other programs become measurement files.
@@ -211,6 +212,7 @@ mod proofs;
 mod properties;
 mod provenance;
 mod published;
+mod rails;
 mod random_models;
 mod ranks;
 mod raw_readings;

@@ -275,3 +275,37 @@ fn zeros_of_passive_joints_are_not_sampled() {
     assert!(of("soft.zero").abs() < 1e-15, "{}", of("soft.zero"));
     assert!(of("lift.zero").abs() > 1e-5, "{}", of("lift.zero"));
 }
+
+/// One hinge about z: no angle matters, and the proof has a box all the same. With its tool on the axis nothing bends, which is an error by
+/// name.
+#[test]
+fn an_only_hinge_has_a_proof_and_a_task_without_effect_is_named() {
+    let model = "<mujoco><worldbody><body name=\"a\"><joint name=\"j\" axis=\"0 0 1\" range=\"-90 90\"/>\
+                 <inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\".1 .1 .1\"/></body></worldbody></mujoco>";
+    let place = Workplace::new();
+    place.write("arm.xml", model);
+    place.run("init arm.xml --quiet").ends_with(0);
+    let json = place.json_with_conditions("plan arm.toml --noise-only --plan-out p.csv");
+    let [bound, found] = ["lower_bound_rho0_mm", "rho0_mm"].map(|key| number(&json[key]));
+    assert!(
+        0.0 < bound && bound <= found && found < 1.01 * bound,
+        "{bound} {found}"
+    );
+    let text = place.read("arm.toml");
+    let (before, task) = text
+        .rsplit_once("[150, 0, 100]")
+        .expect("the machining tool");
+    place.write("on.toml", format!("{before}[0, 0, 100]{task}"));
+    for command in [
+        "plan on.toml",
+        "evaluate on.toml --plan p.csv",
+        "run on.toml",
+        "budget on.toml --up-to 4",
+    ] {
+        let said = place.run(command).ends_with(1);
+        said.says("error E0101: on.toml: test_pose: nothing that is unknown bends the tool");
+    }
+    place
+        .run("check on.toml")
+        .says("warning: nothing that is unknown bends");
+}

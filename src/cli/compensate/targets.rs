@@ -6,10 +6,8 @@ use crate::compensation::{
 use crate::identification::JointError;
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
-use crate::workflow::{
-    calibrated::{ArmWithJointErrors, CalibratedRobot},
-    known_parameters::IdentifiedStation,
-};
+use crate::quantities::units::shown_unit;
+use crate::workflow::{calibrated::CalibratedRobot, known_parameters::IdentifiedStation};
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
 
@@ -132,12 +130,21 @@ impl Compensate {
         }
         text += &taken_as_believed(robot);
         if let Some(errors) = &robot.with_joint_errors {
-            let largest = (errors.joints.iter())
-                .flat_map(JointError::at_knots)
-                .fold(0.0, |largest, value| f64::max(largest, value.abs()));
+            let largest = ["rad", "m"].into_iter().filter_map(|own| {
+                let is_own =
+                    |error: &&JointError| robot.arm.chain.joints[error.joint].drive.unit() == own;
+                let values = errors
+                    .joints
+                    .iter()
+                    .filter(is_own)
+                    .flat_map(JointError::at_knots);
+                let (factor, unit) = shown_unit(own);
+                let largest = values.map(f64::abs).reduce(f64::max)?;
+                Some(format!("{:.3} {unit}", largest * factor))
+            });
             text += &format!(
-                "Commands correct what joints are off by over their own angles, {:.3} mrad at most.\n",
-                largest * 1e3
+                "Commands correct what joints are off by over their own angles, {} at most.\n",
+                joined(largest, " and ")
             );
         }
         if robot.arm.leans() || !robot.arm.gear_waves.is_empty() {
@@ -253,7 +260,8 @@ fn commands(
 ) -> Vec<FoundCommands> {
     let errors = robot.with_joint_errors.as_ref();
     let arm = errors.map_or(&robot.arm, |errors| &errors.arm);
-    let mut solver = InverseKinematics::new(arm, tool);
+    let joints = errors.map_or(&[][..], |errors| &errors.joints);
+    let mut solver = InverseKinematics::new(arm, tool, joints);
     let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
     let mut starts: Vec<DVector<f64>> = own.collect();
     let count = starts.len();
@@ -268,26 +276,9 @@ fn commands(
             }
             starts.insert(0, commands.clone());
         }
-        all.push(found.and_then(|stands| match errors {
-            None => Ok(stands),
-            Some(errors) => corrected(stands, errors),
-        }));
+        all.push(found);
     }
     all
-}
-
-/// The commands with which joints stand so that are off by functions of their own angles.
-fn corrected(mut stands: DVector<f64>, errors: &ArmWithJointErrors) -> FoundCommands {
-    for error in &errors.joints {
-        let joint = error.joint;
-        let coordinate = error.command_for(stands[joint]);
-        let [low, high] = errors.arm.chain.joints[joint].range_rad;
-        if !(low..=high).contains(&coordinate) {
-            return Err(Unreachable::BeyondRange { joint, coordinate });
-        }
-        stands[joint] = coordinate;
-    }
-    Ok(stands)
 }
 
 fn reason(failure: &Unreachable, arm: &ElasticArm) -> String {

@@ -7,8 +7,8 @@ use crate::quantities::units::shown_unit;
 use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
-use crate::robot::Load;
-use crate::task::Instrument;
+use crate::robot::{Drive, Load, SerialChain};
+use crate::task::Belief;
 use crate::view::plots::model_selection_plot;
 use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
@@ -73,7 +73,7 @@ impl Identify {
             self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         }
         let message = AbsoluteMessage::new(&identified.case, &identified.fit);
-        report.text += &describe(&message, &belief.instrument);
+        report.text += &describe(&message, belief);
         if let Some(path) = &self.uncertainties_out {
             report.noted(path, write_uncertainties(path, file, &identified));
         }
@@ -134,7 +134,7 @@ fn compared(beside: &Inconsistencies) -> String {
 }
 
 /// What was identified, for a person.
-pub fn describe(message: &AbsoluteMessage, instrument: &Instrument) -> String {
+pub fn describe(message: &AbsoluteMessage, belief: &Belief) -> String {
     let mut text = format!(
         "{} unknowns from {} ({} numbers)\n\n",
         message.unknowns.len(),
@@ -163,7 +163,10 @@ pub fn describe(message: &AbsoluteMessage, instrument: &Instrument) -> String {
     }
     let redundant = message.left_out.iter().map(|each| &each.name);
     text += &naming(redundant, "\n  Redundant, not fitted: {}\n");
-    let mut rows = vec![distances(&residual_name(instrument), &message.distance_mm)];
+    let mut rows = vec![distances(
+        &residual_name(&belief.instrument),
+        &message.distance_mm,
+    )];
     rows.extend((message.angle_mrad.as_ref()).map(|angles| distances("angle [mrad]", angles)));
     text += &format!("\n{}", table(DISTANCES, rows));
     if message.consistency.is_none() && message.numbers <= message.unknowns.len() {
@@ -180,23 +183,29 @@ pub fn describe(message: &AbsoluteMessage, instrument: &Instrument) -> String {
         );
     }
     if let Some(found) = &message.discrepancy_model {
-        text += &discrepancy_model(found);
+        text += &discrepancy_model(found, &belief.nominal.chain);
     }
     text
 }
 
 /// What the discrepancy consists of.
-fn discrepancy_model(found: &UnexplainedMessage) -> String {
+fn discrepancy_model(found: &UnexplainedMessage, chain: &SerialChain) -> String {
     let rows = found.joints.iter().map(|each| {
+        let mut joints = chain.joints.iter();
+        let joint = joints.find(|joint| joint.name == each.joint);
+        let drive = joint.map_or_else(Drive::default, |joint| joint.drive);
         let largest = each
             .values
             .iter()
             .fold(0.0, |most: f64, value| most.max(value.abs()));
-        let [deviation, largest] = [each.deviation, largest].map(|rad| format!("{:.4}", rad * 1e3));
-        let alike = format!("{:.1}", each.length.to_degrees());
+        let (factor, unit) = shown_unit(drive.unit());
+        let [deviation, largest] =
+            [each.deviation, largest].map(|value| format!("{:.4} {unit}", value * factor));
+        let (alike, unit) = drive.shown(each.length);
+        let alike = format!("{alike:.1} {unit}");
         vec![each.joint.clone(), deviation, alike, largest]
     });
-    let header = "joint | off by [mrad] | alike within [deg] | largest [mrad]";
+    let header = "joint | off by | alike within | largest";
     let turned = found.angle_mrad.as_ref();
     format!(
         "  Of that, joint error functions of this size:\n\n{}  \

@@ -32,9 +32,6 @@ pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
 const APART: f64 = 0.5;
 const MOST_BEYOND: u32 = 24;
 
-/// Commands are corrected so often: each time what is left is smaller by the error's slope.
-const CORRECTIONS: usize = 8;
-
 /// What one joint is off by.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointError {
@@ -66,15 +63,6 @@ impl JointError {
         (between.terms())
             .map(|(state, weight)| weight * self.values[state])
             .sum()
-    }
-
-    /// The command with which the joint stands there.
-    pub fn command_for(&self, wanted: f64) -> f64 {
-        let mut commanded = wanted;
-        for _ in 0..CORRECTIONS {
-            commanded = wanted - self.at(commanded);
-        }
-        commanded
     }
 }
 

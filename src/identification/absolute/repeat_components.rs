@@ -48,7 +48,7 @@ pub struct RepeatComponent {
     /// Their names.
     #[serde(rename = "joints")]
     pub names: Vec<String>,
-    /// The unit of the standard deviation: `mrad`, `mm`, or 1 of what is stated for readings.
+    /// The unit of the standard deviation: `mrad`, `mm`, both where slides and hinges share it, or 1 of what is stated for readings.
     pub unit: &'static str,
     /// The standard deviation.
     pub standard_uncertainty: f64,
@@ -131,10 +131,12 @@ impl AbsoluteCase<'_> {
         let alone = degrees_alone(&contrasts, &classes);
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
-            let (unit, factor) = match level {
-                "reading" => ("1", 1.0),
-                _ if joints.iter().all(|&joint| chain[joint].drive.slides) => ("mm", 1e3),
-                _ => ("mrad", 1e3),
+            let slides = joints.iter().filter(|&&joint| chain[joint].drive.slides);
+            let (unit, factor) = match (level, slides.count()) {
+                ("reading", _) => ("1", 1.0),
+                (_, 0) => ("mrad", 1e3),
+                (_, all) if all == joints.len() => ("mm", 1e3),
+                _ => ("mrad, mm", 1e3),
             };
             let own = joints.iter().map(|&joint| chain[joint].name.clone());
             let variance = variances[place];

@@ -26,8 +26,8 @@ use super::super::frames::nearest;
 use super::super::{Case, Identification};
 use super::catalogue::{self, Correction, InputError, RowKinds, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
-use super::{LikelyInputError, unknown_approaches};
-use crate::codes::{Condition, ConditionCode};
+use super::{LikelyInputError, RANGE_SLACK_RAD, outside_limits, unknown_approaches};
+use crate::codes::Condition;
 use crate::measurement::Measurement;
 use crate::robot::{Load, ObservationMatrix};
 
@@ -46,8 +46,6 @@ const INCONSISTENT: f64 = 1e-4;
 /// A compliance is implausible where it is nearer to 9.81 times the nominal one, or its 9.81th part,
 /// than to the nominal one: beyond the root of 9.81.
 const IMPLAUSIBLE: f64 = 3.132;
-/// A commanded angle may lie so far outside its range (rad): files have one decimal.
-const RANGE_SLACK_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
 /// So many times rotation and compliances are found in turn ...
 const TURNS: usize = 20;
 /// ... from so many right-angled frames.
@@ -60,37 +58,10 @@ pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
     let copies = copied(case).conditions("measurement");
     let sides = case.measurements.iter().map(|each| each.approach.as_ref());
     let unknown = unknown_approaches(&case.belief.uncertain, "measurement", sides);
-    (outside_limits(case).into_iter().chain(unknown))
-        .chain(copies)
-        .collect()
-}
-
-fn outside_limits(case: &Case<'_>) -> Option<Condition> {
-    let chain = &case.belief.nominal.chain;
-    let beyond = |place: usize, joint: usize| {
-        let [from, to] = chain.joints[joint].range_rad;
-        let angle = case.measurements[place].configuration_rad[joint];
-        (from - angle).max(angle - to)
-    };
-    let (places, joints) = (0..case.measurements.len(), 0..chain.len());
-    let is_outside =
-        |&place: &usize| (joints.clone()).any(|joint| beyond(place, joint) > RANGE_SLACK_RAD);
-    let count = places.clone().filter(is_outside).count();
-    let all = places.flat_map(|place| joints.clone().map(move |joint| (place, joint)));
-    let (place, joint) =
-        all.max_by(|one, other| beyond(one.0, one.1).total_cmp(&beyond(other.0, other.1)))?;
-    let each = &chain.joints[joint];
-    let angle = case.measurements[place].configuration_rad[joint];
-    let [angle, from, to] =
-        [angle, each.range_rad[0], each.range_rad[1]].map(|value| each.drive.shown(value).0);
-    let unit = each.drive.shown(0.0).1;
-    (count > 0).then(|| ConditionCode::AnglesOutsideLimits.with(format!(
-        "{count} of {} measurements have commanded angles outside the joint limits: {} of measurement {} is {angle:.1} {unit}, allowed \
-         are {from:.1} to {to:.1} {unit}",
-        case.measurements.len(),
-        catalogue::named(chain, joint),
-        place + 1,
-    )))
+    let commands = case.measurements.iter();
+    let commands = commands.map(|each| &each.configuration_rad);
+    let outside = outside_limits(&case.belief.nominal.chain, "measurement", commands);
+    (outside.into_iter().chain(unknown)).chain(copies).collect()
 }
 
 /// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.

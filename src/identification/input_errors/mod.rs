@@ -8,10 +8,11 @@ mod deflections;
 mod evidence;
 mod frames;
 
+use nalgebra::DVector;
 use serde::Serialize;
 
 use crate::codes::{Condition, ConditionCode};
-use crate::robot::Approach;
+use crate::robot::{Approach, SerialChain};
 use crate::task::Extended;
 use crate::text::wording::counted;
 
@@ -59,6 +60,42 @@ pub fn unknown_approaches<'a>(
         );
         ConditionCode::UnknownApproach.with(words)
     })
+}
+
+/// A commanded angle may lie so far outside its range (rad, m): files have one decimal.
+const RANGE_SLACK_RAD: f64 = 0.1 * std::f64::consts::PI / 180.0;
+
+/// The rows whose commanded angles (rad, m) are outside the joints' ranges, with the angle that is furthest outside.
+pub fn outside_limits<'a>(
+    chain: &SerialChain,
+    noun: &str,
+    commands_rad: impl Iterator<Item = &'a DVector<f64>>,
+) -> Option<Condition> {
+    let beyond = |commands_rad: &DVector<f64>| {
+        let joints = chain.joints.iter().zip(commands_rad).enumerate();
+        let beyond = joints.map(|(joint, (each, &angle))| {
+            let [from, to] = each.range_rad;
+            ((from - angle).max(angle - to), joint, angle)
+        });
+        beyond.max_by(|one, other| one.0.total_cmp(&other.0))
+    };
+    let furthest: Vec<_> = commands_rad.map(beyond).collect();
+    let all = furthest.len();
+    let far = (1..).zip(furthest.into_iter().flatten());
+    let outside: Vec<_> = far.filter(|(_, far)| far.0 > RANGE_SLACK_RAD).collect();
+    let (row, (_, joint, angle)) =
+        (outside.iter().copied()).max_by(|(_, one), (_, other)| one.0.total_cmp(&other.0))?;
+    let each = &chain.joints[joint];
+    let [angle, from, to] =
+        [angle, each.range_rad[0], each.range_rad[1]].map(|value| each.drive.shown(value).0);
+    let unit = each.drive.shown(0.0).1;
+    Some(ConditionCode::AnglesOutsideLimits.with(format!(
+        "{} of {} have commanded angles outside the joint limits: {} of {noun} {row} is {angle:.1} {unit}, allowed are {from:.1} to \
+         {to:.1} {unit}",
+        outside.len(),
+        counted(all as u64, noun),
+        catalogue::named(chain, joint),
+    )))
 }
 
 /// So many rows are named.

@@ -137,7 +137,7 @@ fn load_is_mirrored(load: LoadCase, across: usize) -> bool {
     (only(force, true) && only(torque, false)) || (only(force, false) && only(torque, true))
 }
 
-/// The joints whose angle matters.
+/// The joints whose angle matters; where none does, one all the same, so that there is a box to halve.
 fn moving_joints(question: &Question, chain: &Chain, load: LoadCase) -> Vec<bool> {
     let count = chain.links.len();
     let mut moves = vec![true; count];
@@ -152,6 +152,9 @@ fn moving_joints(question: &Question, chain: &Chain, load: LoadCase) -> Vec<bool
     }
     if chain.turns_tool_on_the_spot(question.region.elevation_sine.is_some()) {
         moves[count - 1] = false;
+    }
+    if !moves.contains(&true) {
+        moves[0] = true;
     }
     moves
 }

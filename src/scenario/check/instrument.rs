@@ -9,8 +9,9 @@ use super::certificate::{NOISE, Size};
 use crate::files::FileError;
 use crate::mujoco::Model;
 use crate::observation::LengthKind;
+use crate::parameter::Unloaded;
 use crate::scenario::file::File;
-use crate::task::{Gauge, Instrument};
+use crate::task::{AccuracyKind, Gauge, Instrument};
 
 impl Checker<'_> {
     pub(super) fn instrument(&self, file: &File, model: &Model) -> Result<Instrument, FileError> {
@@ -32,6 +33,13 @@ impl Checker<'_> {
         for (kind, shows) in LengthKind::ALL.into_iter().zip(&mut by_length) {
             let beside = self.length_beside(file, kind)?;
             *shows = beside.or(gauge.filter(|_| length == Some(kind)));
+        }
+        let is_absolute = file.design.accuracy == AccuracyKind::Absolute;
+        if is_absolute && table.unloaded == Unloaded::Shared {
+            let problem = "is \"shared\", and design.accuracy is \"absolute\": no reading is less an unloaded one";
+            return Err(self
+                .wrong("instrument.unloaded", problem)
+                .hint("leave it out"));
         }
         let mut instrument = Instrument {
             sigma_m: sigma_m * factor,

@@ -25,7 +25,7 @@ impl UncertaintyEntry<'_> {
         }
         // Joints that slide have no size then, and are none of those that are not named.
         let turning = is_of_angle.then(|| self.turning_joints()).transpose()?;
-        if let (Some(harmonics), Some(joints)) = (harmonics, turning) {
+        if let (Some(harmonics), Some(joints)) = (harmonics, &turning) {
             for key in ["correlation_deg", "correlation"] {
                 if self.gives(key) {
                     let problem =
@@ -33,7 +33,7 @@ impl UncertaintyEntry<'_> {
                     return Err(self.wrong(key, problem));
                 }
             }
-            return self.waves(harmonics, &joints);
+            return self.waves(harmonics, joints);
         }
         let key = self.path("correlation_deg");
         let correlation_deg = self.checker.optional(&key, correlation_deg, &ANGLE_WIDTH)?;
@@ -42,8 +42,17 @@ impl UncertaintyEntry<'_> {
             return Err(self.wrong("correlation", problem));
         }
         let correlation = self.table.correlation.unwrap_or_default();
+        let mut deviations = vec![0.0; self.belief.nominal.chain.len()];
+        match turning {
+            Some(joints) => {
+                for joint in joints {
+                    deviations[joint] = self.size("std_mrad")?;
+                }
+            }
+            None => deviations = self.all_sizes()?,
+        }
         let error = TransmissionError {
-            deviations: self.all_sizes()?,
+            deviations,
             kernel: correlation_deg.map(|length| Kernel {
                 correlation,
                 length: length.to_radians(),

@@ -65,7 +65,7 @@ pub fn absolute_page(
         body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed)?;
     }
     body += &run.map_or_else(String::new, identified);
-    body += &next_steps(&scenario.path, None);
+    body += &next_steps(shown, None);
     body += &section(
         "readings",
         "What to read",

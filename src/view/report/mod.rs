@@ -15,11 +15,14 @@ mod sources;
 mod study;
 mod test_poses;
 
+use std::path::Path;
+
 use super::card::heading;
 pub use super::charts::PlotError;
 use super::markup::{cell, escaped, figure, page, paragraph, section, table_of_cells, unbroken};
 use super::tables::{self, RecordTable};
 use crate::codes::Condition;
+use crate::identification::ParameterGroup;
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::ReadsAlong;
@@ -50,6 +53,10 @@ pub struct PlanPage<'a> {
     pub provenance: &'a ProvenanceMessage,
     /// The command that made the page.
     pub command: &'a str,
+    /// Where the plan is, or may be written.
+    pub plan: &'a Path,
+    /// What is unknown of absolute readings, where that was named.
+    pub parameters: &'a [ParameterGroup],
 }
 
 /// What a budget's contributions are.
@@ -105,7 +112,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
         section("accuracy", "More or fewer measurements", &accuracy),
     ]);
     let more = overview::more_accurate(evidence, assessment);
-    body += &overview::next_steps(&scenario.path, more);
+    body += &overview::next_steps(shown, more);
     let configurations = configurations(shown, calibration);
     body += &section("configurations", "What to measure", &configurations);
     body += &provenance(shown.provenance, shown.command);

@@ -1,12 +1,10 @@
 //! What to do next, and what holds of a run.
 
-use std::path::Path;
-
 use super::PlanPage;
 use super::cards::{conditions_card, length};
 use crate::plan::Assessment;
 use crate::record::evidence::EvidenceMessage;
-use crate::text::wording::{naming, shell_path};
+use crate::text::wording::{joined, naming, shell_path};
 use crate::view::card::Card;
 use crate::view::markup::{escaped, paragraph, section};
 use crate::workflow::run::RunOutcome;
@@ -33,8 +31,13 @@ pub fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
 }
 
 /// What to do with a plan of a scenario in the laboratory, and how to get a better one.
-pub fn next_steps(scenario: &Path, more: Option<(String, String)>) -> String {
-    let path = shell_path(scenario);
+pub fn next_steps(shown: &PlanPage<'_>, more: Option<(String, String)>) -> String {
+    let [path, plan] = [shown.scenario.path.as_path(), shown.plan].map(shell_path);
+    let groups = shown.parameters.iter().map(|group| group.word());
+    let groups = match joined(groups, ",") {
+        none if none.is_empty() => none,
+        groups => format!(" --parameters {groups}"),
+    };
     let step = |(text, command): (String, String)| {
         let command = escaped(&format!("elastocal {command}"));
         format!("<li>{}<code>{command}</code></li>\n", escaped(&text))
@@ -42,12 +45,12 @@ pub fn next_steps(scenario: &Path, more: Option<(String, String)>) -> String {
     let steps = [
         (
             "Make the run sheet, the robot's program and the table to fill in:",
-            format!("lab {path} --plan plan.csv"),
+            format!("lab {path} --plan {plan}"),
         ),
         (
             "Identify the robot from the table, with uncertainty and a check of the residuals:",
             format!(
-                "identify {path} --measurements measurements.csv --identified-out identified.json"
+                "identify {path} --measurements measurements.csv{groups} --identified-out identified.json"
             ),
         ),
         (

@@ -107,7 +107,15 @@ impl Tools {
             });
             name.to_owned()
         };
-        let sites = [mount(CALIBRATION, out_m + aside), mount(MACHINING, out_m)];
+        // Nothing else moves what lies on the axis of an only joint.
+        let machining_m = match &*arm.chain.joints {
+            [_] => out_m + aside,
+            _ => out_m,
+        };
+        let sites = [
+            mount(CALIBRATION, out_m + aside),
+            mount(MACHINING, machining_m),
+        ];
         let from_frame = Isometry3::from(out_m + aside);
         Self {
             calibration: Tool {
