@@ -35,26 +35,32 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
 
 /// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
 /// of as small ones. Small ones are a condition where nobody expects them; large ones where what the model leaves is not counted, or is more
-/// than robots have it leave (m).
+/// than robots have it leave: of positions (m) what is left and what is usual, and of rotations (rad).
 pub(super) fn inconsistent(
     [larger, smaller]: [Option<f64>; 2],
     deviations: &str,
-    left_and_usual_m: Option<[f64; 2]>,
+    left_and_usual: Option<[[f64; 2]; 2]>,
     are_expected: bool,
 ) -> impl Iterator<Item = Told> {
     let words = |size: &str, probability: Option<f64>| {
         let p = p_value(probability.filter(|each| *each < IMPLAUSIBLE)?);
         Some(format!("residuals too {size} for {deviations}, {p}"))
     };
-    let is_usual = left_and_usual_m.is_some_and(|[left_m, usual_m]| left_m <= usual_m);
-    let done = match left_and_usual_m {
-        None => "no model discrepancy in the weights".to_owned(),
-        Some([left_m, usual_m]) => format!(
-            "model discrepancy of {:.4} mm in the weights, {} the usual {:.4} mm",
-            left_m * 1e3,
-            if is_usual { "within" } else { "more than" },
-            usual_m * 1e3
-        ),
+    // Positions alone leave nothing of rotations.
+    let parts = left_and_usual.into_iter().flatten().zip(["mm", "mrad"]);
+    let parts = parts.filter(|([left, _], unit)| *unit == "mm" || *left > 0.0);
+    let mut is_usual = left_and_usual.is_some();
+    let parts: Vec<String> = parts
+        .map(|([left, usual], unit)| {
+            is_usual &= left <= usual;
+            let than = ["more than", "within"][usize::from(left <= usual)];
+            let [left, usual] = [left, usual].map(|each| each * 1e3);
+            format!("{left:.4} {unit} in the weights, {than} the usual {usual:.4} {unit}")
+        })
+        .collect();
+    let done = match &parts[..] {
+        [] => "no model discrepancy in the weights".to_owned(),
+        parts => format!("model discrepancy of {}", parts.join("; ")),
     };
     let large = words("large", larger).map(|words| format!("{words}; {done}"));
     let large = large.map(|words| told(ConditionCode::ResidualsTooLarge, words, !is_usual));
@@ -126,11 +132,12 @@ impl Identification {
             let words = "all compliances are uncertain by more than their nominal values";
             all.push(Ok(ConditionCode::AllUncertain.with(words)));
         }
-        let left_and_usual_m =
-            (self.discrepancy).map(|[left_m, _]| [left_m, SPRINGS_LEAVE * self.deflection_m]);
+        let left_and_usual = self
+            .discrepancy
+            .map(|left| [0, 1].map(|part| [left[part], SPRINGS_LEAVE * self.deflections[part]]));
         let sigma = format!("sigma = {:.4} mm", self.sigma_m * 1e3);
         let probabilities = [self.consistency, self.consistency_lower];
-        all.extend(inconsistent(probabilities, &sigma, left_and_usual_m, false));
+        all.extend(inconsistent(probabilities, &sigma, left_and_usual, false));
         all
     }
 }

@@ -88,8 +88,8 @@ pub struct Identification {
     pub consistency_lower: Option<f64>,
     /// What the model leaves unexplained besides, where errors count it: standard deviations of positions (m) and rotations (rad).
     pub discrepancy: Option<[f64; 2]>,
-    /// The rms of the coordinates of the deflections (m).
-    pub deflection_m: f64,
+    /// The rms of the coordinates of the deflections (m), and of their rotations (rad).
+    pub deflections: [f64; 2],
     /// Compliances that were to be identified and stay nominal, since measurements tell less of them; what they would be.
     pub stays_nominal: Vec<ParameterEstimate>,
     /// Whether all of them should: no compliance is determined better than its nominal value is right.
@@ -186,7 +186,15 @@ impl Case<'_> {
         let chi_square = ChiSquared::new(freedom).ok().filter(|_| is_known);
         let deflections = self.measurements.iter();
         let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
-        let squares: f64 = (deflections.map(|each| each.deflection_m.norm_squared())).sum();
+        let squares: f64 = (deflections
+            .clone()
+            .map(|each| each.deflection_m.norm_squared()))
+        .sum();
+        let rotations = deflections.filter_map(|each| each.rotation);
+        let rotations: Vec<f64> = rotations
+            .map(|each| each.vector_rad.norm_squared())
+            .collect();
+        let turned = rotations.iter().sum::<f64>() / (3 * rotations.len().max(1)) as f64;
         Ok(Identification {
             method: self.method,
             parameters,
@@ -198,7 +206,7 @@ impl Case<'_> {
             consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
             consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
             discrepancy: None,
-            deflection_m: (squares / coordinates as f64).sqrt(),
+            deflections: [squares / coordinates as f64, turned].map(f64::sqrt),
             stays_nominal: Vec::new(),
             is_all_weak: false,
             residuals_m: residuals_m.collect(),

@@ -131,7 +131,7 @@ pub enum DiscrepancyOf {
 pub struct TransmissionError {
     /// A standard deviation for each joint (rad; m where it slides).
     pub deviations: Vec<f64>,
-    /// How a joint's error is correlated over the joint's own angle (rad): then it is a random function of that angle, which the robot
+    /// How a joint's error is correlated over the joint's own angle (rad; m where it slides): then it is a random function of that angle, which the robot
     /// keeps. Without this it is independent between configurations, as of deflections it may be taken in any case.
     pub kernel: Option<Kernel>,
 }
@@ -141,7 +141,7 @@ pub struct TransmissionError {
 pub struct JointFunction {
     /// The joint.
     pub joint: usize,
-    /// The standard deviation s (rad).
+    /// The standard deviation s (rad; m where it slides, as all below).
     pub deviation_rad: f64,
     /// Its correlation k (of angles in rad).
     pub kernel: Kernel,
@@ -293,7 +293,7 @@ impl ReadingSource {
     pub const fn remark(&self) -> Option<&'static str> {
         if self.is_function() {
             return Some(
-                "is taken as new in each configuration; absolute readings count its correlation_deg",
+                "is taken as new in each configuration; absolute readings count its correlation",
             );
         }
         None

@@ -11,11 +11,13 @@ pub fn selection_json(selection: &Selection<'_>) -> Value {
     let names = all.set.parameters().iter().map(|each| &each.name);
     let left_out = all.left_out.iter().map(|each| &each.name);
     let joint_errors = parts.functions().iter().map(|each| {
-        let mut function = json!({
-            "joint": all.arm.chain.joints[each.joint].name,
-            "std_mrad": each.deviation_rad * 1e3,
-            "correlation_deg": each.kernel.length.to_degrees(),
-        });
+        let joint = &all.arm.chain.joints[each.joint];
+        let (std, length) = (each.deviation_rad * 1e3, each.kernel.length);
+        let mut function = if joint.drive.slides {
+            json!({ "joint": joint.name, "std_mm": std, "correlation_mm": length * 1e3 })
+        } else {
+            json!({ "joint": joint.name, "std_mrad": std, "correlation_deg": length.to_degrees() })
+        };
         if !each.kernel.correlation.is_exponential() {
             function["correlation"] = json!(each.kernel.correlation);
         }

@@ -348,7 +348,13 @@ impl UncertaintyKind {
             Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
             Self::TransmissionError => [
                 &["std_mrad", "std_mm"],
-                &["joints", "harmonics", "correlation_deg", "correlation"],
+                &[
+                    "joints",
+                    "harmonics",
+                    "correlation_deg",
+                    "correlation_mm",
+                    "correlation",
+                ],
             ],
             Self::JointRepeatability => [&["std_mrad", "std_mm", "rp_mm"], &["joints"]],
             Self::Backlash => [&["std_arcsec", "std_mm"], &["joints", "turned_over_at_nm"]],
@@ -389,6 +395,7 @@ pub(super) struct UncertaintyTable {
     pub rp_mm: Option<f64>,
     pub harmonics: Option<Vec<i64>>,
     pub correlation_deg: Option<f64>,
+    pub correlation_mm: Option<f64>,
     pub correlation: Option<Correlation>,
     pub of: Option<DiscrepancyOf>,
     pub turned_over_at_nm: Option<f64>,

@@ -2,12 +2,15 @@
 //! rotations, absolute and of deflections.
 
 use elastocal::identification::{
-    AbsoluteCase, AbsoluteFit, Case, ParameterGroup, ReadingWeights, Robustness, Sigma,
+    AbsoluteCase, AbsoluteFit, Case, ParameterGroup, ReadingWeights, RepeatComponent,
+    RepeatComponents, Robustness, Sigma,
 };
 use elastocal::measurement::{AbsoluteReading, Measurement, RotationMeasurement};
+use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::ParameterSet;
+use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::robot::{Load, rotation_vector};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
@@ -415,4 +418,80 @@ fn of_a_slide_what_nobody_can_tell_is_left_out() {
             assert!(fit.left_out.iter().any(|each| each.name == name), "{name}");
         }
     }
+}
+
+/// Right readings of a SCARA.
+fn right(seed: u64, readings: usize, has_rotations: bool) -> (Scenario, Vec<AbsoluteReading>) {
+    let scenario = scara();
+    let trial = Trial {
+        readings,
+        has_rotations,
+        of_rotations: false,
+        in_one_place: false,
+    };
+    let mut random = generator(84, seed);
+    let [right, _] = absolute(&mut random, &scenario.task.belief, &trial, &[]);
+    (scenario, right)
+}
+
+/// How a slide errs over its way becomes a table that a plan takes as it is; an estimate at zero becomes none, and is named with its limit.
+#[test]
+fn what_a_slide_errs_by_becomes_an_error_source() {
+    let (scenario, mut readings) = right(0, 120, true);
+    let kernel = Kernel {
+        correlation: Correlation::Exponential,
+        length: 0.05,
+    };
+    let rack = SampledFunction::new(kernel, generator(85, 0), 0);
+    for each in &mut readings {
+        let way = each.configuration_rad[2];
+        each.configuration_rad[2] -= 3e-4 * rack.at(way);
+    }
+    let mut case = AbsoluteCase::new(&scenario.task.belief, &readings).expect("readings");
+    let fit = case.fit(&[ParameterGroup::Zeros], ReadingWeights::AsNeeded);
+    let components = case.variance_components(&fit.expect("a fit"));
+    let returns = RepeatComponent {
+        level: "visit",
+        joints: vec![0],
+        names: vec!["shoulder".to_owned()],
+        unit: "mrad",
+        standard_uncertainty: 3e-4,
+        interval95: [0.0, 0.12],
+        degrees_of_freedom: 1e-8,
+    };
+    let repeats = RepeatComponents {
+        components: vec![returns],
+        poses: Vec::new(),
+        not_separated: Vec::new(),
+    };
+    let joints = &case.arm.chain.joints;
+    let tables = uncertainty_tables(components.as_ref(), Some(&repeats), joints);
+    let tables = tables.expect("TOML").expect("tables");
+    let zero =
+        "No table of shoulder repeatability: its estimate is zero, its upper limit 0.1697 mrad";
+    assert!(tables.contains(zero), "{tables}");
+    let place = Workplace::new();
+    place.write("arm.xml", ARM);
+    place.write("s.toml", format!("{SCENARIO}\n{tables}"));
+    let listed = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let functions = listed.task.belief.uncertain.joint_functions();
+    let lift = functions.iter().find(|each| each.joint == 2);
+    let lift = lift.unwrap_or_else(|| panic!("{tables}"));
+    assert!((1.5e-4..6e-4).contains(&lift.deviation_rad), "{tables}");
+    assert!((0.01..0.25).contains(&lift.kernel.length), "{tables}");
+}
+
+/// Positions of parallel axes do not tell a slide's sign from the hand of the instrument's axes: both are named.
+#[test]
+fn a_mirrored_frame_is_named_beside_a_joint_s_sign() {
+    let (scenario, mut readings) = right(1, 60, false);
+    for each in &mut readings {
+        each.position_m.z *= -1.0;
+    }
+    let case = AbsoluteCase::placed(&scenario.task.belief, &readings).expect("readings");
+    let text = case.likely_input_error().expect("an input error").text;
+    assert!(
+        text.contains("lift") && text.contains("left-handed"),
+        "{text}"
+    );
 }

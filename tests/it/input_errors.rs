@@ -251,3 +251,22 @@ fn compliances_that_are_hardly_told_stay_nominal() {
         assert!(!fit.undetermined.is_empty());
     }
 }
+
+/// What is left of orientations is a condition where it is more than robots leave, whatever is left of positions.
+#[test]
+fn unexplained_orientations_are_a_condition() {
+    let scenario = scenario("ur10");
+    for (size_rad, is_condition) in [(2e-4, false), (0.02, true)] {
+        let mut random = generator(86, 0);
+        let mut table = right(&scenario, 10, 60);
+        for each in &mut table {
+            let turn = Vector3::from_fn(|_, _| size_rad * normal(&mut random));
+            let turn = UnitQuaternion::from_scaled_axis(turn);
+            each.rotation = each.rotation.map(|rotation| turn * rotation);
+        }
+        let conditions = fitted(&scenario.task.belief, &table).conditions();
+        let too_large = |code| code == ConditionCode::ResidualsTooLarge;
+        let is_named = conditions.iter().any(|each| too_large(each.code));
+        assert_eq!(is_named, is_condition, "{size_rad}: {conditions:?}");
+    }
+}

@@ -236,6 +236,14 @@ fn wrong_correlations_are_refused() {
             "correlation_deg",
         ),
         (
+            "kind = \"transmission_error\"\nstd_mrad = 1\ncorrelation_mm = 5",
+            "is of joints that turn",
+        ),
+        (
+            "kind = \"transmission_error\"\nstd_mm = 1\ncorrelation_deg = 5",
+            "a joint that slides has no turn",
+        ),
+        (
             "kind = \"transmission_error\"\nstd_mrad = 1\ncorrelation = \"matern32\"",
             "only a transmission_error with correlation_deg",
         ),

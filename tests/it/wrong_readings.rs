@@ -1,14 +1,17 @@
 //! Wrong readings are left out of everything that is told of a file, and named there.
 
+use std::cell::RefCell;
 use std::fmt::Write;
 
+use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use nalgebra::Vector3;
+use elastocal::scenario::Scenario;
+use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use crate::model_selection::{read_of, waves};
-use crate::one_fit::{between, seen_arm, ur10, workplace};
+use crate::one_fit::{between, normal, seen_arm, ur10, workplace};
 use crate::support::{Workplace, absolute_scenario_text, number, project, scenario_text};
 
 /// Readings of a robot whose gears are not round, and the same with one in twenty wrong by 1 to 50 mm, all to one side; which
@@ -240,4 +243,38 @@ fn compliances_of_a_gauge_are_those_of_the_right_readings() {
         }
     }
     assert_eq!(named, 9);
+}
+
+/// One wrong pose takes no other with it where the planner's model lists how joints return: how far out each lies given the others is by the
+/// weights of the fit.
+#[test]
+fn one_wrong_pose_takes_no_other_with_it() {
+    const STD_RAD: f64 = 3e-5;
+    let mut random = generator(53, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let returns = RefCell::new(generator(53, 1));
+    let gear = |_: usize, _: f64| STD_RAD / 2.0_f64.sqrt() * normal(&mut *returns.borrow_mut());
+    let right = read_of(&mut random, &arm, 40, 200.0, &gear);
+    let place = workplace(&right);
+    let listed = format!(
+        "{}\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = {}\n",
+        place.read("s.toml"),
+        STD_RAD * 1e3
+    );
+    place.write("l.toml", listed);
+    let scenario = Scenario::load(&place.path("l.toml")).expect("a scenario");
+    let rejected = |readings: &[AbsoluteReading]| -> (bool, Vec<usize>) {
+        let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
+        let groups = [ParameterGroup::Geometry, ParameterGroup::Compliances];
+        let fit = case.fit(&groups, ReadingWeights::AsNeeded).expect("a fit");
+        let rejected = fit.rejected.iter().map(|each| each.reading).collect();
+        (fit.counts_sources, rejected)
+    };
+    assert_eq!(rejected(&right), (true, Vec::new()));
+    for wrong in [4, 8, 22, 30] {
+        let mut readings = right.clone();
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::x() * 0.02);
+        readings[wrong].rotation = readings[wrong].rotation.map(|rotation| turn * rotation);
+        assert_eq!(rejected(&readings), (true, vec![wrong]));
+    }
 }

@@ -19,7 +19,8 @@ use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, Freedom, Parameter, ParameterKind, ParameterSet};
 use crate::task::Belief;
 
-/// Robots leave less than this share of how far positions reach in each coordinate: 2 mm of a metre.
+/// Robots leave less than this share of how far positions reach in each coordinate, 2 mm of a metre, and as much of a rotation (rad): a
+/// joint that is off by an angle moves what it carries by that share of how far it reaches.
 const ROBOTS_LEAVE: f64 = 2e-3;
 /// No joint's zero or link's direction is off by more (rad) ...
 const MOST_TURNED_RAD: f64 = 0.05;
@@ -444,11 +445,12 @@ impl AbsoluteFit {
     /// The readings that were left out, and residuals that are too small or too large.
     fn handled(&self) -> impl Iterator<Item = Told> {
         let rejected = left_out(&self.rejected, self.left.len(), "reading");
-        let left_and_usual_m =
-            (self.discrepancy).map(|[left_m, _]| [left_m, ROBOTS_LEAVE * self.reach_m]);
+        let usual = [ROBOTS_LEAVE * self.reach_m, ROBOTS_LEAVE];
+        let left_and_usual =
+            (self.discrepancy).map(|left| [0, 1].map(|part| [left[part], usual[part]]));
         let probabilities = [self.consistency, self.consistency.map(|each| 1.0 - each)];
         let deviations = "the readings' standard deviations";
-        let residuals = inconsistent(probabilities, deviations, left_and_usual_m, true);
+        let residuals = inconsistent(probabilities, deviations, left_and_usual, true);
         rejected.into_iter().chain(residuals)
     }
 

@@ -64,13 +64,16 @@ impl AbsoluteCase<'_> {
         found: &KeptFit<'_>,
         fit: &ParameterFit,
     ) -> Option<LookedOver<'_>> {
+        let mut here = self.clone();
+        let values = here.rebased(fit);
+        if found.case.is_sharing_known {
+            // All as those were weighed that were fitted.
+            here = here.counting_sources();
+        }
         let discrepancy = discrepancy_covariance(found.discrepancy.unwrap_or_default());
-        let own = &self.covariances;
-        let mut known = vec![Matrix6::zeros(); own.len()];
+        let mut known = vec![Matrix6::zeros(); here.covariances.len()];
         let is_pulled = is_pulled(fit);
         if is_pulled {
-            let mut here = self.clone();
-            let values = here.rebased(fit);
             let rows = here.rows_at(&here.arm, &fit.set, values.as_slice(), &[]);
             let rows = rows.ok()?;
             for (known, rows) in known.iter_mut().zip(&rows) {
@@ -82,8 +85,8 @@ impl AbsoluteCase<'_> {
         let angles = (self.observations.iter()).map(|each| each.setup.commanded_rad.as_slice());
         Some(LookedOver {
             left: self.left(&fit.belief).ok()?,
-            weighed: own.iter().map(|own| own + discrepancy).collect(),
-            own: own.clone(),
+            weighed: (here.covariances.iter().map(|own| own + discrepancy)).collect(),
+            own: here.covariances,
             known,
             rejected: found.rejected.clone(),
             angles: angles.collect(),

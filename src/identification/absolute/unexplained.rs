@@ -32,10 +32,10 @@ impl AbsoluteCase<'_> {
     /// is left beyond the readings' own covariances.
     pub fn variance_components(&self, fit: &AbsoluteFit) -> Option<VarianceComponents> {
         fit.discrepancy_model.as_ref()?;
-        let (joints, turns) = (self.commanded_joints(), self.commanded_turns());
+        let joints = self.commanded_joints();
         let kept = self.kept(fit);
         let (_, mixed) = kept.mixed_of(&fit.set, &fit.posterior, joints, fit.discrepancy?)?;
-        mixed.components(&turns)
+        mixed.components()
     }
 
     /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that

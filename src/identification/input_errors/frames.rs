@@ -44,14 +44,26 @@ impl AbsoluteCase<'_> {
                 .map(|error| some.left_without(error, &looked_at))
                 .collect();
             // An earlier one unless a later one is clearly better.
-            let best = errors.into_iter().zip(left).reduce(|best, next| {
-                if next.1 < CLEARLY * best.1 {
-                    next
-                } else {
-                    best
+            let is_better = |next: usize, best: usize| left[next] < CLEARLY * left[best];
+            let best = (0..errors.len())
+                .reduce(|best, next| if is_better(next, best) { next } else { best });
+            let best = best.filter(|&best| left[best] <= explained_m)?;
+            let mut words = format!(
+                "{}. Residuals of frames alone: {:.2} mm so, {:.2} mm as read (medians)",
+                errors[best].words,
+                left[best] * 1e3,
+                as_it_is_m * 1e3
+            );
+            // Positions may not tell a joint's sign from a hand: errors of other kinds that explain them alike.
+            let mut named = vec![errors[best].kind];
+            for (place, other) in errors.iter().enumerate() {
+                let is_alike = left[place] <= explained_m && !is_better(best, place);
+                if is_alike && !named.contains(&other.kind) {
+                    named.push(other.kind);
+                    words += &format!(". Or, {:.2} mm so: {}", left[place] * 1e3, other.words);
                 }
-            });
-            best.filter(|(_, left_m)| *left_m <= explained_m)
+            }
+            Some(words)
         };
         let mut readings = some.observations.iter();
         let has_rotations = readings.any(|each| each.reading.kind().rows() == 6);
@@ -64,13 +76,8 @@ impl AbsoluteCase<'_> {
         simple.extend(units.into_iter().chain(swapped).chain(from_before));
         let moved = |part: usize| looked_at[part * looked_at.len() / PARTS];
         simple.extend((1..PARTS).map(|part| catalogue::station_moved(moved(part))));
-        let (error, left_m) = explaining(simple).or_else(|| explaining(several))?;
-        Some(condition(&format!(
-            "{}. Residuals of frames alone: {:.2} mm so, {:.2} mm as read (medians)",
-            error.words,
-            left_m * 1e3,
-            as_it_is_m * 1e3
-        )))
+        let words = explaining(simple).or_else(|| explaining(several))?;
+        Some(condition(&words))
     }
 
     /// What frames alone leave of the readings, which are at these places of a table, without an error (m, a median, with rotations as

@@ -343,11 +343,13 @@ impl<'a> UncertaintyEntry<'a> {
         Ok(all)
     }
 
-    /// The joints that are named, or all that turn at a command.
-    pub fn turning_joints(&self) -> Result<Vec<usize>, FileError> {
+    /// The joints that are named, or all that turn at a command, or slide.
+    pub fn moving_joints(&self, slides: bool) -> Result<Vec<usize>, FileError> {
+        let words = ["does not turn at a command", "does not slide at a command"];
         let obstacle = |joint: usize| {
             let drive = self.drive(joint);
-            (drive.slides || drive.passive_at.is_some()).then_some("does not turn at a command")
+            let is_other = drive.slides != slides || drive.passive_at.is_some();
+            is_other.then_some(words[usize::from(slides)])
         };
         self.joints(|_| true, obstacle)
     }

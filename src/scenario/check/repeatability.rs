@@ -28,7 +28,7 @@ impl UncertaintyEntry<'_> {
         }
         let rp_m = self.size("rp_mm")?;
         let mut deviations = vec![0.0; self.belief.nominal.chain.len()];
-        for joint in self.turning_joints()? {
+        for joint in self.moving_joints(false)? {
             deviations[joint] = 1.0;
         }
         let each_one_rad = ReadingSource::JointRepeatability(deviations.clone());

@@ -1,5 +1,5 @@
 //! Transmission errors of the tables `[[uncertainty]]`: independent between configurations, harmonics, and functions of the joints'
-//! own angles.
+//! own angles or ways.
 
 use std::num::NonZeroU32;
 
@@ -7,7 +7,7 @@ use super::error_source::UncertaintyEntry;
 use crate::files::FileError;
 use crate::numeric::markov::Kernel;
 use crate::parameter::{GearWave, ParameterKind, ReadingSource, Source, TransmissionError};
-use crate::quantities::plausible::ANGLE_WIDTH;
+use crate::quantities::plausible::{ANGLE_WIDTH, SIZE};
 
 /// More waves are no list of what a gear has ...
 const MOST_WAVES: usize = 20;
@@ -16,49 +16,63 @@ const MOST_PER_TURN: u32 = 1000;
 
 impl UncertaintyEntry<'_> {
     pub fn transmission_error(&self) -> Result<Source, FileError> {
-        let (harmonics, correlation_deg) = (&self.table.harmonics, self.table.correlation_deg);
-        let is_of_angle = harmonics.is_some() || correlation_deg.is_some();
-        if is_of_angle && self.gives("std_mm") {
-            let problem = "a joint that slides has no turn: its error is no function of an angle";
-            let hint = "give std_mrad, and slides a transmission_error of their own";
-            return Err(self.wrong("std_mm", problem).hint(hint));
-        }
-        // Joints that slide have no size then, and are none of those that are not named.
-        let turning = is_of_angle.then(|| self.turning_joints()).transpose()?;
-        if let (Some(harmonics), Some(joints)) = (harmonics, &turning) {
-            for key in ["correlation_deg", "correlation"] {
+        let table = self.table;
+        if let Some(harmonics) = &table.harmonics {
+            let joints = self.joints_with_functions(false)?;
+            for key in ["correlation_deg", "correlation_mm", "correlation"] {
                 if self.gives(key) {
                     let problem =
                         format!("only a transmission_error without harmonics has a {key}");
                     return Err(self.wrong(key, problem));
                 }
             }
-            return self.waves(harmonics, joints);
+            return self.waves(harmonics, &joints);
         }
-        let key = self.path("correlation_deg");
-        let correlation_deg = self.checker.optional(&key, correlation_deg, &ANGLE_WIDTH)?;
-        if correlation_deg.is_none() && self.table.correlation.is_some() {
-            let problem = "only a transmission_error with correlation_deg has a correlation";
-            return Err(self.wrong("correlation", problem));
-        }
-        let correlation = self.table.correlation.unwrap_or_default();
-        let mut deviations = vec![0.0; self.belief.nominal.chain.len()];
-        match turning {
-            Some(joints) => {
-                for joint in joints {
-                    deviations[joint] = self.size("std_mrad")?;
-                }
-            }
-            None => deviations = self.all_sizes()?,
-        }
-        let error = TransmissionError {
-            deviations,
-            kernel: correlation_deg.map(|length| Kernel {
-                correlation,
-                length: length.to_radians(),
-            }),
+        let slides = self.gives("correlation_mm");
+        let (key, given, allowed, unit) = if slides {
+            ("correlation_mm", table.correlation_mm, &SIZE, 1e-3)
+        } else {
+            let unit = 1_f64.to_radians();
+            ("correlation_deg", table.correlation_deg, &ANGLE_WIDTH, unit)
         };
+        let length = self.checker.optional(&self.path(key), given, allowed)?;
+        let correlation = table.correlation.unwrap_or_default();
+        let kernel = length.map(|length| Kernel {
+            correlation,
+            length: length * unit,
+        });
+        let deviations = if kernel.is_some() {
+            let size = if slides { "std_mm" } else { "std_mrad" };
+            let mut deviations = vec![0.0; self.belief.nominal.chain.len()];
+            for joint in self.joints_with_functions(slides)? {
+                deviations[joint] = self.size(size)?;
+            }
+            deviations
+        } else if table.correlation.is_some() {
+            let problem = "only a transmission_error with correlation_deg or correlation_mm has a correlation";
+            return Err(self.wrong("correlation", problem));
+        } else {
+            self.all_sizes()?
+        };
+        let error = TransmissionError { deviations, kernel };
         Ok(Source::Reading(ReadingSource::TransmissionError(error)))
+    }
+
+    /// The joints whose errors are functions of their own angles, or of their ways where they slide: those that are named, or all such.
+    fn joints_with_functions(&self, slides: bool) -> Result<Vec<usize>, FileError> {
+        let (others, problem): (&[&str], _) = if slides {
+            let problem = "is of joints that turn, and correlation_mm of joints that slide";
+            (&["std_mrad", "correlation_deg"], problem)
+        } else {
+            let problem = "a joint that slides has no turn: its error is no function of an angle";
+            (&["std_mm"], problem)
+        };
+        let Some(other) = others.iter().find(|key| self.gives(key)) else {
+            return self.moving_joints(slides);
+        };
+        let hint = "give joints that turn, and those that slide, a transmission_error each: std_mrad with correlation_deg, std_mm with \
+                    correlation_mm";
+        Err(self.wrong(other, problem).hint(hint))
     }
 
     /// Gear error in waves of which so many come in a turn: two parameters for each of them and each joint.

@@ -37,11 +37,11 @@ struct PartsTold {
 
 impl MixedModel {
     /// The likeliest variance components of parts that are as sparse as plans (every k-th pose), all the same, with the likeliest of the
-    /// correlations. Of joints that turn.
+    /// correlations.
     ///
     /// A real joint's error is no process of one length: read densely it looks smoother than the few poses of a plan find it, and
     /// predictions from them are too good. Where poses are visited again, what is new at a pose is told from what is new at a visit.
-    pub fn components(&self, turns: &[bool]) -> Option<VarianceComponents> {
+    pub fn components(&self) -> Option<VarianceComponents> {
         let rows: usize = (self.visits.iter()).map(|visit| visit.residual.len()).sum();
         let count = (self.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
         let parts: Vec<Self> = (0..count)
@@ -51,8 +51,6 @@ impl MixedModel {
         // Of equally likely ones the first.
         let found = found.into_iter().flatten().rev();
         let (_, found) = found.max_by(|one, other| one.0.total_cmp(&other.0))?;
-        let joints = self.joints.iter().enumerate().zip(turns);
-        let functions = joints.filter_map(|(joint, turns)| turns.then_some(joint));
         let function = |(place, &joint): (usize, &usize)| JointFunction {
             joint,
             deviation_rad: found.all[2 + place].sqrt(),
@@ -64,7 +62,7 @@ impl MixedModel {
             None => found.all[part] + self.within[part],
         };
         Some(VarianceComponents {
-            functions: functions.map(function).collect(),
+            functions: self.joints.iter().enumerate().map(function).collect(),
             rest: [rest(0).sqrt(), rest(1).sqrt()],
         })
     }
