@@ -1,6 +1,8 @@
 //! Cups and tables that are known before: what is predicted holds, and counts as what it is.
 
 use elastocal::experiment::read_candidates;
+use elastocal::identification::{AbsoluteCase, ReadingWeights};
+use elastocal::measurement::{MeasuredFile, read_measured};
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::absolute::AbsolutePlanning;
 use nalgebra::{DVector, Vector3};
@@ -118,6 +120,41 @@ fn a_height_is_known_where_the_table_is() {
         (there_m / apart_m.hypot(5e-5) - 1.0).abs() < 1e-6,
         "{there_m}"
     );
+}
+
+/// What is known of a cup counts from where the scenario has it, however often it is fitted anew; of a cup of which nothing is known the
+/// parameters count from where it was found.
+#[test]
+fn what_is_known_counts_from_where_it_was_said_to_be() {
+    let place = workplace(
+        "ur10_ballbar",
+        &source("position", "std_mm = 0.2\nstations = [\"table\"]"),
+    );
+    place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
+    let scenario = loaded(&place.read("s.toml"));
+    let belief = &scenario.task.belief;
+    let MeasuredFile::Absolute(readings) =
+        read_measured(&place.path("read.csv"), belief).expect("read")
+    else {
+        panic!("distances are absolute readings");
+    };
+    let mut case = AbsoluteCase::new(belief, &readings).expect("a case");
+    let fit = case.fit(&[], ReadingWeights::AsNeeded).expect("a fit");
+    for (number, name) in case.stations.iter().enumerate() {
+        let station = belief
+            .stations
+            .iter()
+            .find(|each| Some(&each.name) == name.as_ref());
+        let said_m = -station.expect("one").position_m;
+        let [reference, found] = [&fit.reference, &fit.arm]
+            .map(|arm| (arm.instrument_from_base[number].translation.vector - said_m).norm());
+        assert!(found > 1e-5, "{name:?} {found}");
+        assert_eq!(
+            reference == 0.0,
+            name.as_deref() == Some("table"),
+            "{name:?} {reference}"
+        );
+    }
 }
 
 /// A zero that no distance shows follows from where cups are known to be, and else stays as it is.
