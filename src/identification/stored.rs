@@ -17,7 +17,7 @@ use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::quantities::plausible::{ANY_VARIANCE, ELASTIC_COMPLIANCE, VARIANCE};
 use crate::robot::Robot;
-use crate::task::{Fingerprint, Method};
+use crate::task::{Fingerprint, LeftNominal, Method};
 
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
@@ -40,8 +40,8 @@ pub struct StoredIdentification {
     pub listed: Vec<Option<f64>>,
     /// Which of it was determined.
     pub determined: Vec<bool>,
-    /// What was left nominal, and by how much what was found changes for one unit of it, by names of parameters.
-    pub left_out: Vec<(String, Vec<(String, f64)>)>,
+    /// What was left nominal, then and before.
+    pub left_out: Vec<LeftNominal>,
     /// The names of the error sources with which it was made; some files do not say.
     pub error_sources: Option<Vec<String>>,
     /// What the model leaves unexplained, of positions (m) and rotations (rad); nothing where the measurements did not show any.
@@ -98,6 +98,7 @@ struct IdentificationFile {
     conditions: Vec<Condition>,
     identified_with: Option<Fingerprint>,
     error_sources: Option<Vec<String>>,
+    earlier_left_out: Option<Vec<LeftNominal>>,
 }
 
 /// The keys of any identified file that say under which scenario it was made.
@@ -160,7 +161,7 @@ impl StoredIdentification {
             all,
             listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
             determined: (stored.uncertain.iter().map(|each| each.std.is_some())).collect(),
-            left_out: Vec::new(),
+            left_out: stored.earlier_left_out.unwrap_or_default(),
             joints,
             error_sources: stored.error_sources,
             discrepancy,

@@ -19,7 +19,7 @@ use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, ParameterKind};
 use crate::quantities::plausible::ANY_VARIANCE;
 use crate::robot::Robot;
-use crate::task::Fingerprint;
+use crate::task::{Fingerprint, LeftNominal};
 
 /// A parameter that was fitted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -68,6 +68,8 @@ struct ReadingsFile {
     conditions: Vec<Condition>,
     identified_with: Fingerprint,
     error_sources: Option<Vec<String>>,
+    #[serde(default)]
+    earlier_left_out: Option<Vec<LeftNominal>>,
 }
 
 impl StoredIdentification {
@@ -86,7 +88,7 @@ impl StoredIdentification {
 }
 
 impl ReadingsFile {
-    /// The compliances that were asked for, then all else that was determined.
+    /// What was determined of the robot and the load cell: compliances, then all else.
     fn known(self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
         let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
         check_unknowns(path, &self.unknowns, &self.covariance)?;
@@ -103,15 +105,12 @@ impl ReadingsFile {
             Some(ParameterKind::JointCompliance { joint }) => Some(joint),
             _ => None,
         };
-        let is_determined = |place: usize| unknowns[place].standard_error.is_some();
-        let mut places: Vec<usize> = (0..kinds.len())
-            .filter(|place| joint(place).is_some())
-            .collect();
+        let known = (0..kinds.len()).filter(|&place| unknowns[place].standard_error.is_some());
+        let (mut places, others): (Vec<usize>, Vec<usize>) = known
+            .filter(|&place| kinds[place].is_some_and(ParameterKind::is_kept_between_campaigns))
+            .partition(|place| joint(place).is_some());
         let joints: Vec<usize> = places.iter().filter_map(joint).collect();
-        let is_kept = |kind: ParameterKind| kind.is_kept_between_campaigns();
-        places.extend((0..kinds.len()).filter(|&place| {
-            joint(&place).is_none() && kinds[place].is_some_and(is_kept) && is_determined(place)
-        }));
+        places.extend(&others);
         // A logarithm is of the ratio to what is nominal.
         let is_logarithm =
             |place: usize| kinds[place].is_some_and(|kind| kind.is_logarithmic(false));
@@ -143,9 +142,6 @@ impl ReadingsFile {
             let (row, column) = (places[row], places[column]);
             all[(row, column)] * factor(row) * factor(column)
         });
-        let hidden: Vec<usize> = (0..joints.len())
-            .filter(|&index| !is_determined(places[index]))
-            .collect();
         let typical = robot.typical_rad_per_nm(&joints);
         let names: Vec<String> = (places.iter())
             .map(|&place| unknowns[place].name.clone())
@@ -155,10 +151,7 @@ impl ReadingsFile {
             names: names[..own].to_vec(),
             mean: mean[..own].to_vec(),
             covariance: covariance.view((0, 0), (own, own)).into_owned(),
-            estimable: Estimable::with_hidden(
-                &typical,
-                DMatrix::identity(own, own).select_columns(&hidden),
-            ),
+            estimable: Estimable::with_hidden(&typical, DMatrix::zeros(own, 0)),
         };
         let all = Posterior {
             names,
@@ -169,7 +162,6 @@ impl ReadingsFile {
                 DMatrix::zeros(places.len(), 0),
             ),
         };
-        let others = places.len() - own;
         let left_out = self.left_out(path, &places, &factor)?;
         let sizes = [self.discrepancy_mm, self.discrepancy_mrad];
         let mut conditions = self.conditions;
@@ -184,8 +176,8 @@ impl ReadingsFile {
             posterior,
             all: Some(all),
             conditions,
-            listed: vec![None; others],
-            determined: vec![true; others],
+            listed: vec![None; others.len()],
+            determined: vec![true; others.len()],
             left_out,
             error_sources: self.error_sources,
             discrepancy: sizes.map(|size| size.unwrap_or(0.0) * 1e-3),
@@ -227,8 +219,8 @@ impl ReadingsFile {
         path: &Path,
         places: &[usize],
         factor: &dyn Fn(usize) -> f64,
-    ) -> Result<Vec<(String, Vec<(String, f64)>)>, FileError> {
-        let mut all = Vec::new();
+    ) -> Result<Vec<LeftNominal>, FileError> {
+        let mut all: Vec<LeftNominal> = Vec::new();
         for (key, list) in [
             ("left_out", &self.left_out),
             ("stays_nominal", &self.stays_nominal),
@@ -251,6 +243,16 @@ impl ReadingsFile {
                 }
             }
         }
+        // What was found since, or left out again, is what the file says of it.
+        let is_found = |(name, _): &&LeftNominal| {
+            (places.iter()).any(|&place| self.unknowns[place].name == *name)
+        };
+        let earlier = self.earlier_left_out.iter().flatten();
+        let earlier: Vec<LeftNominal> = earlier
+            .filter(|each| !is_found(each) && all.iter().all(|own| own.0 != each.0))
+            .cloned()
+            .collect();
+        all.extend(earlier);
         Ok(all)
     }
 }

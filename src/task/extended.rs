@@ -153,13 +153,15 @@ impl ListedUnknowns {
                 continue;
             };
             let known = self.unknowns.iter().position(|each| each.0 == kind);
-            let deviation = campaign.covariance[(found, found)].sqrt();
+            // Typical sizes stay what they are without that: what is redundant is the same. A prior makes springs logarithms.
+            let is_ratio = kind.is_logarithmic(true) && !kind.is_logarithmic(false);
+            let deviation = is_ratio.then(|| campaign.covariance[(found, found)].sqrt());
             let place = known.unwrap_or(self.unknowns.len());
             match known {
                 Some(place) if place < self.wanted && !is_compliance(kind) => {
-                    self.unknowns[place].1 = Some(deviation);
+                    self.unknowns[place].1 = deviation;
                 }
-                None if kind.is_of_any_robot() => self.unknowns.push((kind, Some(deviation))),
+                None if kind.is_of_any_robot() => self.unknowns.push((kind, deviation)),
                 _ => continue,
             }
             self.both.push((place, found));

@@ -19,7 +19,7 @@ pub use belief::{Belief, Instrument, Loading, Method};
 pub use extended::Extended;
 pub use fingerprint::{Fingerprint, robot_sha256};
 pub use gauge::Gauge;
-pub use prior_campaign::PriorCampaign;
+pub use prior_campaign::{LeftNominal, PriorCampaign};
 pub use region::{Forbidden, Region};
 pub use station::{Station, station_named, wrong_station};
 

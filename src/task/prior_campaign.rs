@@ -15,6 +15,9 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::parameter::ParameterSet;
 
+/// A parameter that was left nominal, by name, and by how much those that were found change for one unit of it.
+pub type LeftNominal = (String, Vec<(String, f64)>);
+
 /// The error sources of an earlier identification, and what it found of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorCampaign {
@@ -30,8 +33,8 @@ pub struct PriorCampaign {
     pub cross: DMatrix<f64>,
     /// and among themselves (o x o).
     pub covariance: DMatrix<f64>,
-    /// The parameters that it left nominal, by name, and by how much those that it found change for one unit of each.
-    pub left_out: Vec<(String, Vec<(String, f64)>)>,
+    /// What it left nominal.
+    pub left_out: Vec<LeftNominal>,
     /// Those of the residual scale, where the covariance rests on one that was estimated.
     pub degrees_of_freedom: Option<f64>,
 }

@@ -159,8 +159,10 @@ impl Identified {
 
 /// The keys of what was identified that say what it rests on.
 pub fn rests_on(scenario: &Scenario) -> Value {
+    let earlier = scenario.task.belief.prior_campaign.as_ref();
     json!({
         "identified_with": scenario.task.belief.fingerprint(),
+        "earlier_left_out": earlier.map(|each| &each.left_out),
         // Null where it is no text, which JSON could not hold.
         "scenario_file": scenario.path.to_str(),
         "error_sources": scenario.task.belief.source_names(),
