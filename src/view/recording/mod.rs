@@ -235,7 +235,7 @@ impl Recording {
             };
             calibrations.push(RecordedCalibration {
                 record,
-                commands,
+                commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
                 steps,
             });
