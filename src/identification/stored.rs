@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -22,6 +22,8 @@ use crate::task::{Fingerprint, LeftNominal, Method};
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
 
+/// What others leave of a variance below this share is rounding.
+const ROUNDING: f64 = 1e-12;
 /// Smaller compliances (rad/(N m)) are as good as zero.
 const LEAST_SIZE: f64 = 1e-15;
 
@@ -143,11 +145,10 @@ impl StoredIdentification {
     }
 
     fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let stored: IdentificationFile = of_deflections(path)?;
+        let mut stored: IdentificationFile = of_deflections(path)?;
         let joints = joints_of(path, &stored.parameters, robot)?;
         let posterior = posterior(path, &stored)?;
         let all = posterior_of_all(path, &stored, &posterior)?;
-        check_agreement(path, &stored)?;
         let discrepancy = [
             size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
             size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
@@ -156,20 +157,22 @@ impl StoredIdentification {
         let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
         let freedom: f64 = stored.residuals.iter().map(spare).sum();
         let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
-        Ok(Self {
+        let found = Self {
             posterior,
             all,
             listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
             determined: (stored.uncertain.iter().map(|each| each.std.is_some())).collect(),
-            left_out: stored.earlier_left_out.unwrap_or_default(),
+            left_out: stored.earlier_left_out.take().unwrap_or_default(),
             joints,
-            error_sources: stored.error_sources,
+            error_sources: stored.error_sources.take(),
             discrepancy,
             degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
-            conditions: stored.conditions,
-            identified_with: stored.identified_with,
+            conditions: std::mem::take(&mut stored.conditions),
+            identified_with: stored.identified_with.take(),
         }
-        .possible(robot))
+        .possible(robot);
+        check_agreement(path, &stored, &found.posterior.mean)?;
+        Ok(found)
     }
 
     /// The same with nominal compliances in place of those that no joint has, and without conditions that are not of the identification.
@@ -177,7 +180,7 @@ impl StoredIdentification {
         let known = self.all.as_ref().unwrap_or(&self.posterior);
         let mut values = known.mean.clone();
         let joints = &self.joints;
-        let held = hold_impossible(
+        let (held, shift) = hold_impossible(
             &mut values,
             &known.covariance,
             |place| robot.compliance_rad_per_nm[joints[place]],
@@ -188,9 +191,16 @@ impl StoredIdentification {
             let unit = joint.drive.compliance_unit();
             (self.conditions).push(nominal_instead(&joint.name, value, unit));
         }
-        (self.posterior.mean).copy_from_slice(&values[..joints.len()]);
-        if let Some(all) = &mut self.all {
-            all.mean = values;
+        // What stands in where only combinations are determined went with that when the file was written.
+        let stands_in = |place: &usize| self.posterior.standard_error(*place).is_none();
+        for place in (0..joints.len()).filter(stands_in) {
+            values[place] = self.posterior.mean[place];
+        }
+        for each in [Some(&mut self.posterior), self.all.as_mut()].into_iter().flatten() {
+            let size = each.mean.len();
+            each.mean.copy_from_slice(&values[..size]);
+            let own = shift.rows(0, size);
+            each.covariance.ger(1.0, &own, &own, 1.0);
         }
         // Whether a test pose needs what is not determined is asked there.
         self.conditions.retain(|condition| {
@@ -209,13 +219,16 @@ pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
     ))
 }
 
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places, and what was there.
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places with what was
+/// there, and by how much all moved: what errs about the values that are taken has this shift, squared, beside the covariance.
 pub fn hold_impossible(
     values: &mut [f64],
     covariance: &DMatrix<f64>,
     nominal: impl Fn(usize) -> f64,
     is_compliance: impl Fn(usize) -> bool,
-) -> Vec<(usize, f64)> {
+) -> (Vec<(usize, f64)>, DVector<f64>) {
+    let found = DVector::from_column_slice(values);
+    let mut given = covariance.clone();
     let mut held: Vec<(usize, f64)> = Vec::new();
     // One that moves along may become impossible in its turn.
     while let Some(place) = (0..values.len()).find(|&place| {
@@ -223,17 +236,20 @@ pub fn hold_impossible(
         !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
     }) {
         held.push((place, values[place]));
-        let (off, own) = (nominal(place) - values[place], covariance[(place, place)]);
-        if own > 0.0 {
-            for (value, with) in values.iter_mut().zip(&covariance.column(place)) {
+        let (off, own) = (nominal(place) - values[place], given[(place, place)]);
+        if own > ROUNDING * covariance[(place, place)] {
+            let column = given.column(place).into_owned();
+            for (value, with) in values.iter_mut().zip(&column) {
                 *value += with * (off / own);
             }
+            given.ger(-own.recip(), &column, &column, 1.0);
         }
     }
     for &(place, _) in &held {
         values[place] = nominal(place);
     }
-    held
+    let shift = DVector::from_column_slice(values) - found;
+    (held, shift)
 }
 
 /// Zero where the file has none.
@@ -298,8 +314,13 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
     Ok(joints)
 }
 
-/// Whether what the file says twice agrees; its lists have their lengths.
-fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileError> {
+/// Whether what the file says twice agrees; its lists have their lengths, and these values are applied. Files of earlier versions have
+/// the estimates for them.
+fn check_agreement(
+    path: &Path,
+    stored: &IdentificationFile,
+    applied: &[f64],
+) -> Result<(), FileError> {
     let size = stored.parameters.len();
     let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
     let has_others = !stored.uncertain.is_empty();
@@ -309,7 +330,8 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
         let entry = |column: usize| at("covariance_rad2_per_n2m2", index, column);
         if let Some(value) = *value {
             let found = stored.compliance_applied_rad_per_nm[index];
-            agree(path, (&key("_applied"), found), (&key(""), value))?;
+            let agrees = |value| agree(path, (&key("_applied"), found), (&key(""), value));
+            agrees(applied[index]).or_else(|_| agrees(value))?;
             let errors = &stored.compliance_std_rad_per_nm;
             let intervals = &stored.compliance_ci95_rad_per_nm;
             agree_of_estimate(

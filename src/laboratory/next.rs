@@ -6,7 +6,7 @@ use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_prin
 use crate::identification::{Case, Identification};
 use crate::measurement::{Measurement, by_experiment};
 use crate::plan::search::{
-    Bound, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
+    Bound, PlanSearch, PlanSize, Problem, SearchError, Watch, approximate_design,
 };
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::{Belief, Forbidden, Method, Task};
@@ -191,14 +191,13 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
     task.design.experiments = count;
     let problem = Problem::new(&task, Criterion::TestPose);
     let approximate = approximate_design(&problem, seed)?;
-    let design = exact_design(
-        &problem,
-        &approximate,
-        PlanSize::all_different(count),
-        seed,
-        watch,
-    )?;
     let bound = Bound::new(&task, &approximate);
+    let mut search = PlanSearch {
+        problem,
+        approximate,
+        seed,
+    };
+    let design = search.best(PlanSize::all_different(count), watch)?;
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = left.rho0_m(&design.plan);
     Ok(Rest {

@@ -3,9 +3,7 @@
 
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
-use crate::plan::search::{
-    ApproximateDesign, PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
-};
+use crate::plan::search::{PlanSearch, PlanSize, Problem, SearchError, Watch, approximate_design};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::robot::ReadsAlong;
 use crate::task::{Loading, Task};
@@ -108,14 +106,16 @@ pub fn plans_within(
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     let approximate = approximate_design(&problem, seed)?;
-    let search = TimeSearch {
-        problem,
-        approximate,
+    let fewest = problem.fewest();
+    let mut search = TimeSearch {
+        plans: PlanSearch {
+            problem,
+            approximate,
+            seed,
+        },
         laboratory,
         minutes,
-        seed,
     };
-    let fewest = search.problem.fewest();
     let mut plans: Vec<TimedPlan> = Vec::new();
     // What the ways of the plan before took for each configuration, and how much of it a gauge read: all, or no one knows yet.
     let is_gauge = task.belief.instrument.reads_along() == ReadsAlong::Always;
@@ -144,25 +144,28 @@ pub fn plans_within(
 
 /// What plans of a time are searched with.
 struct TimeSearch<'a> {
-    problem: Problem<'a>,
-    approximate: ApproximateDesign,
+    plans: PlanSearch<'a>,
     laboratory: &'a Laboratory,
     minutes: f64,
-    seed: u64,
 }
 
 impl TimeSearch<'_> {
     /// The plan of as many measurements in so many configurations as there is time for, where the ways take so many
     /// minutes and a gauge reads such a share of them, as is expected; with the minutes that the ways do take.
     fn plan(
-        &self,
+        &mut self,
         configurations: u32,
         (expected_min, expected_along): (f64, f64),
         watch: Watch<'_>,
     ) -> Result<Option<(TimedPlan, f64)>, SearchError> {
-        let (task, laboratory, minutes) = (self.problem.task, self.laboratory, self.minutes);
+        let (task, laboratory, minutes) = (self.plans.problem.task, self.laboratory, self.minutes);
         let fits = |ways_min: f64, along: f64| {
-            let count = self.most(minutes - ways_min, configurations, along);
+            let count = most(
+                (task, laboratory),
+                minutes - ways_min,
+                configurations,
+                along,
+            );
             count.filter(|count| *count >= task.design.mandatory.measurements())
         };
         // Work and ways may take less than is expected: the fewest measurements are tried where the least work leaves time for them.
@@ -181,13 +184,11 @@ impl TimeSearch<'_> {
                 None => break,
             };
             are_fewest_left &= experiments > fewest;
-            let (problem, approximate) = (&self.problem, &self.approximate);
             let size = PlanSize {
                 measurements: experiments,
                 configurations,
             };
-            let design = exact_design(problem, approximate, size, self.seed, watch);
-            let plan = match design {
+            let plan = match self.plans.best(size, watch) {
                 Ok(design) => design.plan,
                 Err(SearchError::Singular { .. }) => break,
                 Err(error) => return Err(error),
@@ -215,34 +216,39 @@ impl TimeSearch<'_> {
         }
         Ok(found)
     }
+}
 
-    /// The most measurements in so many configurations that so many minutes allow, where a gauge reads such a share of them.
-    fn most(&self, minutes: f64, configurations: u32, along: f64) -> Option<u32> {
-        let work = |measurements| {
-            let size = PlanSize {
-                measurements,
-                configurations,
-            };
-            work_minutes(self.problem.task, self.laboratory, size, along)
+/// The most measurements in so many configurations that so many minutes allow, where a gauge reads such a share of them.
+fn most(
+    (task, laboratory): (&Task, &Laboratory),
+    minutes: f64,
+    configurations: u32,
+    along: f64,
+) -> Option<u32> {
+    let work = |measurements| {
+        let size = PlanSize {
+            measurements,
+            configurations,
         };
-        let least = work(configurations);
-        if least > minutes {
-            return None;
-        }
-        let each = work(configurations + 1) - least;
-        // All that are planned at one time, where a reading takes none.
-        let more = if each > 0.0 {
-            (minutes - least) / each
-        } else {
-            f64::INFINITY
-        };
-        let more = more.min(f64::from(MEASUREMENTS));
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "between zero and a bound"
-        )]
-        let more = more as u32;
-        Some(configurations + more)
+        work_minutes(task, laboratory, size, along)
+    };
+    let least = work(configurations);
+    if least > minutes {
+        return None;
     }
+    let each = work(configurations + 1) - least;
+    // All that are planned at one time, where a reading takes none.
+    let more = if each > 0.0 {
+        (minutes - least) / each
+    } else {
+        f64::INFINITY
+    };
+    let more = more.min(f64::from(MEASUREMENTS));
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "between zero and a bound"
+    )]
+    let more = more as u32;
+    Some(configurations + more)
 }

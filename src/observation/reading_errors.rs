@@ -235,17 +235,13 @@ pub(super) fn for_each_effect(
     tell: &mut impl FnMut(Vector6<f64>),
 ) {
     let (force, torque) = (&load.force_n, &load.torque_nm);
-    let mut tell_axes = |effects: Matrix6x3<f64>, deviation: f64| {
-        for effect in effects.column_iter() {
-            tell(effect * deviation);
-        }
-    };
     let by_itself = |moved: &Matrix3<f64>| {
         let mut effects = Matrix6x3::zeros();
         effects.fixed_view_mut::<3, 3>(0, 0).copy_from(moved);
         effects
     };
-    match source {
+    // Of what has three axes.
+    let (effects, deviation) = match source {
         ReadingSource::JointRepeatability(deviations)
         | ReadingSource::TransmissionError(TransmissionError { deviations, .. }) => {
             for (joint, deviation) in deviations.iter().enumerate() {
@@ -253,25 +249,26 @@ pub(super) fn for_each_effect(
                     tell(column(seen, joint) * *deviation);
                 }
             }
+            return;
         }
         ReadingSource::LoadDirection(deviation) => {
             let turns = |moved: &Vector3<f64>, turned: &Vector3<f64>| {
                 force.cross(&(moved + turned.cross(lever))) + torque.cross(turned)
             };
-            tell_axes(by_torques(arm, [plain, seen], turns), *deviation);
+            (by_torques(arm, [plain, seen], turns), *deviation)
         }
         ReadingSource::LoadPoint(deviation) => {
             let shifts = |_: &Vector3<f64>, turned: &Vector3<f64>| force.cross(turned);
-            tell_axes(by_torques(arm, [plain, seen], shifts), *deviation);
+            (by_torques(arm, [plain, seen], shifts), *deviation)
         }
         ReadingSource::Range(noise) => {
             let apart_m = plain.tool_position - station_m.unwrap_or(&noise.from_m);
             let drawn = |axis| noise.drawn(&Vector3::ith(axis, 1.0), &apart_m);
             let moved = Matrix3::from_columns(&[0, 1, 2].map(drawn));
-            tell_axes(by_itself(&moved), 1.0);
+            (by_itself(&moved), 1.0)
         }
         ReadingSource::Discrepancy(error) => {
-            tell_axes(by_itself(&Matrix3::identity()), error.in_reading_m(load));
+            (by_itself(&Matrix3::identity()), error.in_reading_m(load))
         }
         ReadingSource::GaugeDirection(deviation) => {
             let at_target = Load {
@@ -284,10 +281,13 @@ pub(super) fn for_each_effect(
                     seen.position_column(joint) * (k * plain.load_torque(joint, &at_target))
                 })
                 .sum();
-            tell_axes(by_itself(&-moved.cross_matrix()), *deviation);
             // Its cosine is off by t^2 of what moves along it, too.
             tell(column_of(&(moved * deviation.powi(2))));
+            (by_itself(&-moved.cross_matrix()), *deviation)
         }
+    };
+    for effect in effects.column_iter() {
+        tell(effect * deviation);
     }
 }
 

@@ -134,7 +134,7 @@ impl<'a> Deviations<'a> {
         (self.laboratory.as_ref()).map_or(0, |laboratory| laboratory.numbers(0))
     }
 
-    /// By how much each differs (per sigma) in the runs of all lanes, of which what
+    /// By how much each differs from what is expected before (per sigma) in the runs of all lanes, of which what
     /// [`TrueCompliances`](crate::testbed::TrueCompliances) samples is given.
     pub fn values(&self, sampled: &[[f64; LANES]], normals: &[[f64; LANES]]) -> Vec<[f64; LANES]> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
@@ -162,8 +162,13 @@ impl<'a> Deviations<'a> {
                 Deviation::TorqueLaws => 1.0 / sigma_m,
             })
         };
-        let tied = self.tied.iter().map(|(_, deviation)| deviation);
-        self.foreign.iter().chain(tied).map(value).collect()
+        // What is known before draws towards its mean, which an earlier campaign may have found to be another than nominal.
+        let set = self.belief.uncertain.set();
+        let tied = self.tied.iter().map(|(place, deviation)| {
+            let mean = set.prior().mean[*place] - set.parameters()[*place].nominal;
+            value(deviation).map(|differs| differs - mean / sigma_m)
+        });
+        (self.foreign.iter().map(value)).chain(tied).collect()
     }
 
     /// The whitened observation matrices of what is foreign, of experiments of one configuration, like

@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use crate::plan::search::{
-    ApproximateDesign, Bound, Candidates, ExactDesign, PlanSize, Problem, SearchError, Watch,
-    approximate_design, exact_design,
+    ApproximateDesign, Bound, Candidates, ExactDesign, PlanSearch, PlanSize, Problem, SearchError,
+    Watch, approximate_design,
 };
-use crate::plan::{Assessment, Criterion, Plan};
+use crate::plan::{Assessment, Criterion};
 use crate::task::Task;
 
 /// Which plan is wanted.
@@ -105,22 +105,14 @@ pub fn design(
         stop: onlooker.stop,
         progress: &|done, all, cost| (onlooker.progress)(&bound, done, all, cost),
     };
-    let size = wanted.size();
-    let mut exact = exact_design(&problem, &design, size, seed, watch)?;
     // The bound without what is left out holds as it is, and so does its proof.
-    if let Some(problem) = problem.with_left_out(&exact.plan) {
-        let design = approximate_design(&problem, seed)?;
-        let again = exact_design(&problem, &design, size, seed, watch)?;
-        let cost = |plan: &Plan| {
-            let value = problem.cost().value(&problem.information(plan));
-            value.unwrap_or(f64::INFINITY)
-        };
-        if cost(&again.plan) < cost(&exact.plan) {
-            exact = again;
-        }
-    }
+    let mut search = PlanSearch {
+        problem,
+        approximate: design.clone(),
+        seed,
+    };
     let designed = Designed {
-        exact,
+        exact: search.best(wanted.size(), watch)?,
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,

@@ -4,8 +4,8 @@
 use std::sync::atomic::AtomicBool;
 
 use crate::plan::search::{
-    ApproximateDesign, Basis, Bound, BudgetPoint, PlanSize, Problem, SearchError, Watch,
-    compare_criteria, exact_design,
+    ApproximateDesign, Basis, Bound, BudgetPoint, PlanSearch, PlanSize, Problem, SearchError,
+    Watch, compare_criteria,
 };
 use crate::plan::{Criterion, Plan};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
@@ -144,18 +144,17 @@ fn accuracy(
     };
     let fewest = (problem.fewest() as usize).max(task.design.mandatory.experiments.len());
     let largest = (own * WIDEST).max(ALWAYS);
+    let mut search = PlanSearch {
+        problem,
+        approximate: approximate.clone(),
+        seed,
+    };
     let mut points = Vec::new();
     for m in SIZES {
         if m == own || (m as usize) < fewest || m > largest {
             continue;
         }
-        match exact_design(
-            &problem,
-            approximate,
-            PlanSize::all_different(m),
-            seed,
-            watch,
-        ) {
+        match search.best(PlanSize::all_different(m), watch) {
             Ok(design) => points.push(point(&design.plan, design.cost)),
             // So few measurements do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
 use super::error::SearchError;
-use super::exact::{Watch, exact_design_from};
+use super::exact::Watch;
+use super::plan_search::PlanSearch;
 use super::problem::Problem;
 use super::size::PlanSize;
 use crate::plan::proof::ProofLimits;
@@ -69,6 +70,11 @@ pub fn budget(
             few.chain([m]).map(move |c| (m, c))
         })
         .collect();
+    let mut search = PlanSearch {
+        problem,
+        approximate,
+        seed,
+    };
     let mut points = Vec::new();
     let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
     for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
@@ -77,7 +83,7 @@ pub fn budget(
         }
         progress(index, sizes.len());
         if experiments > MANY {
-            problem.effort.searches = SEARCHES_OF_MANY;
+            search.problem.effort.searches = SEARCHES_OF_MANY;
         }
         // One measurement less, with one more repeat of its last experiment: the search moves it where it is best.
         let measured_once_more = |plan: &Plan| {
@@ -100,8 +106,7 @@ pub fn budget(
             measurements: experiments,
             configurations,
         };
-        let watch = Watch::quiet(stop);
-        match exact_design_from(&problem, &approximate, size, seed, watch, &known) {
+        match search.best_from(size, Watch::quiet(stop), &known) {
             Ok(design) => {
                 plans.push(((experiments, configurations), design.plan.clone()));
                 points.push(BudgetPoint::new(

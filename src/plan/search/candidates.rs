@@ -148,25 +148,32 @@ impl Candidates {
             seed,
             is_thorough: true,
         };
-        let problem = Problem::among(task, criterion, &self.experiments);
-        problem.check_excited()?;
-        let found = self.with_finite(&problem, |finite| finite.search(effort, watch));
-        let found = found.map_err(SearchError::Candidates)?;
-        let mut plan = mandatory.clone();
-        plan.experiments.extend(self.measured(&found.plan));
-        if !problem.is_determined_by(&plan) {
-            return Err(SearchError::Singular {
-                experiments: size.measurements,
-                parameters: problem.parameters(),
-            });
-        }
-        let exact = ExactDesign {
-            plan,
-            cost: found.cost,
-            searches: found.searches,
-            agreeing: found.agreeing,
+        let search = |problem: &Problem<'_>| {
+            problem.check_excited()?;
+            let found = self.with_finite(problem, |finite| finite.search(effort, watch));
+            let found = found.map_err(SearchError::Candidates)?;
+            let mut plan = mandatory.clone();
+            plan.experiments.extend(self.measured(&found.plan));
+            if !problem.is_determined_by(&plan) {
+                return Err(SearchError::Singular {
+                    experiments: size.measurements,
+                    parameters: problem.parameters(),
+                });
+            }
+            let exact = ExactDesign {
+                plan,
+                cost: found.cost,
+                searches: found.searches,
+                agreeing: found.agreeing,
+            };
+            Ok((exact, found.bound))
         };
-        Ok((exact, self.bound_of(&problem, found.bound)))
+        let problem = Problem::among(task, criterion, &self.experiments);
+        let (mut exact, bound) = search(&problem)?;
+        if let Some(whole) = problem.with_left_out_among(&self.experiments, &exact.plan) {
+            exact = exact.or_better(search(&whole)?.0, &whole);
+        }
+        Ok((exact, self.bound_of(&problem, bound)))
     }
 
     /// What no plan of so many measurements of these candidates is better than, as near as the best weights tell it, and as

@@ -42,6 +42,15 @@ pub struct ExactDesign {
     pub agreeing: usize,
 }
 
+impl ExactDesign {
+    /// This or another one, whichever a problem says is better.
+    pub(super) fn or_better(self, other: Self, problem: &Problem<'_>) -> Self {
+        let value = |each: &Self| problem.value(&each.plan).unwrap_or(f64::INFINITY);
+        let (own, others) = (value(&self), value(&other));
+        if others < own { other } else { self }
+    }
+}
+
 /// How a search is watched and stopped.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {

@@ -6,6 +6,7 @@
 //! - `bound`, `proved`, `rows`, `provable`: that bound, the class of plans that it speaks about, its proof, and what that leaves out.
 //! - `exact`, `exchange`, `refinement`, `rounding`: the best plan of whole experiments, by exchange over a pool and refinement by
 //!   gradients, or from a rounded approximate design.
+//! - `plan_search`: searches that are repeated with what they leave out where it counts.
 //! - `budget`, `criteria`: the best accuracy against the number of measurements, and the best plans for the criteria of Table 1.
 //! - `error`: why there is no plan.
 //! - `candidates`, `finite`, `finite_search`: plans of a finite list, whose bound is proved by looking at all.
@@ -27,6 +28,7 @@ mod finite_search;
 mod joints;
 mod local;
 mod observation;
+mod plan_search;
 mod point;
 mod pool;
 mod problem;
@@ -56,6 +58,7 @@ pub use exact::{ExactDesign, Watch, exact_design};
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
+pub use plan_search::PlanSearch;
 pub use problem::{Effort, Problem};
 pub use proved::{ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_plan, random_plan};

@@ -107,7 +107,17 @@ impl<'a> Problem<'a> {
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
     pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
-        Self::shown_by(false, task, criterion, &|problem| {
+        Self::within_experiments(false, task, criterion, experiments)
+    }
+
+    /// The same with all unknowns considered, or those that matter.
+    fn within_experiments(
+        all: bool,
+        task: &'a Task,
+        criterion: Criterion,
+        experiments: &[Experiment],
+    ) -> Self {
+        Self::shown_by(all, task, criterion, &|problem| {
             let size = problem.parameters();
             let zero = DMatrix::zeros(size, size);
             experiments
@@ -340,14 +350,32 @@ impl<'a> Problem<'a> {
     }
 
     /// The problem with all unknowns considered, where those left out make more of a plan's cost than of random ones.
-    pub fn with_left_out(&self, plan: &Plan) -> Option<Self> {
+    pub(super) fn with_left_out(&self, plan: &Plan) -> Option<Self> {
+        self.where_it_counts(plan, || Self::considering(true, self.task, self.criterion))
+    }
+
+    /// The same for plans of these experiments alone.
+    pub(super) fn with_left_out_among(&self, all: &[Experiment], plan: &Plan) -> Option<Self> {
+        self.where_it_counts(plan, || {
+            Self::within_experiments(true, self.task, self.criterion, all)
+        })
+    }
+
+    fn where_it_counts(&self, plan: &Plan, whole: impl FnOnce() -> Self) -> Option<Self> {
         if self.left_out().is_empty() {
             return None;
         }
-        let mut whole = Self::considering(true, self.task, self.criterion);
-        whole.stop = self.stop;
-        let cost = |problem: &Self| problem.cost().value(&problem.information(plan));
-        (cost(&whole)? > cost(self)? * (1.0 + SMALL)).then_some(whole)
+        let whole = Self {
+            effort: self.effort,
+            stop: self.stop,
+            ..whole()
+        };
+        (whole.value(plan)? > self.value(plan)? * (1.0 + SMALL)).then_some(whole)
+    }
+
+    /// What a plan costs; `None` where it does not determine what is asked for.
+    pub(super) fn value(&self, plan: &Plan) -> Option<f64> {
+        self.cost().value(&self.information(plan))
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.

@@ -1,0 +1,50 @@
+//! Searches for plans of several sizes that leave nothing out that counts in one of them.
+
+use super::approximate::{ApproximateDesign, approximate_design};
+use super::error::SearchError;
+use super::exact::{ExactDesign, Watch, exact_design_from};
+use super::problem::Problem;
+use super::size::PlanSize;
+use crate::plan::Plan;
+
+/// A search that begins without what makes next to nothing of random plans. Where that counts in a plan that is found, all is
+/// considered from there on.
+#[derive(Debug, Clone)]
+pub struct PlanSearch<'a> {
+    /// The problem.
+    pub problem: Problem<'a>,
+    /// Its approximate design.
+    pub approximate: ApproximateDesign,
+    /// The seed.
+    pub seed: u64,
+}
+
+impl PlanSearch<'_> {
+    /// The best plan of a size, as [`exact_design`](super::exact_design) finds it, by all that is uncertain.
+    ///
+    /// # Errors
+    /// No plan determines the compliances.
+    pub fn best(&mut self, size: PlanSize, watch: Watch<'_>) -> Result<ExactDesign, SearchError> {
+        self.best_from(size, watch, &[])
+    }
+
+    /// The same beside plans of as many measurements in at most as many configurations that are known already.
+    pub(super) fn best_from(
+        &mut self,
+        size: PlanSize,
+        watch: Watch<'_>,
+        known: &[Plan],
+    ) -> Result<ExactDesign, SearchError> {
+        let search = |own: &Self| {
+            let (problem, approximate) = (&own.problem, &own.approximate);
+            exact_design_from(problem, approximate, size, own.seed, watch, known)
+        };
+        let first = search(self)?;
+        let Some(whole) = self.problem.with_left_out(&first.plan) else {
+            return Ok(first);
+        };
+        self.approximate = approximate_design(&whole, self.seed)?;
+        self.problem = whole;
+        Ok(first.or_better(search(self)?, &self.problem))
+    }
+}
