@@ -55,6 +55,8 @@ pub struct Parameter {
     pub prior_deviation: Option<f64>,
     /// Whether it is of a joint that slides.
     pub slides: bool,
+    /// Whether an earlier campaign found it: of what has the same effect, others are left out first.
+    pub is_found: bool,
 }
 
 impl Parameter {
@@ -157,6 +159,7 @@ impl ParameterSet {
                 nominal,
                 scale: prior_deviation.unwrap_or_else(|| kind.typical_size(belief, has_prior)),
                 prior_deviation,
+                is_found: false,
                 slides: matches!(kind.owner(), Owner::Joint(joint) if belief.chain.joints[joint].drive.slides),
             });
         }
@@ -261,6 +264,14 @@ impl ParameterSet {
             for (column, &other) in places.iter().enumerate() {
                 self.prior.precision[(place, other)] = precision[(row, column)];
             }
+        }
+        self
+    }
+
+    /// The same set, of which an earlier campaign found those of these names.
+    pub fn with_found(mut self, names: &[String]) -> Self {
+        for each in &mut self.parameters {
+            each.is_found = names.contains(&each.name);
         }
         self
     }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::kind::Owner;
-use super::{ElasticArm, ParameterKind, ParameterSet};
+use super::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 
 /// Coefficients below this share of a direction's largest are left by rounding.
 const ROUNDING: f64 = 1e-6;
@@ -77,8 +77,10 @@ pub(super) fn stays_nominal(belief: &ElasticArm, set: &ParameterSet) -> Vec<Free
 }
 
 /// Which parameter of a direction one leaves out first.
-fn keep(kind: ParameterKind) -> usize {
+fn keep(parameter: &Parameter) -> usize {
+    let kind = parameter.kind;
     match kind.owner() {
+        _ if parameter.is_found => 7,
         _ if kind.is_of_mass() => 2,
         Owner::Link(_) => 0,
         Owner::Only => 1,
@@ -101,13 +103,13 @@ pub(super) fn reduced(
         .map(nalgebra::Matrix::into_owned)
         .collect();
     let mut order: Vec<usize> = (0..set.len()).collect();
-    order.sort_by_key(|&index| keep(set.parameters()[index].kind));
+    order.sort_by_key(|&index| keep(&set.parameters()[index]));
     let mut done = Vec::new();
     while !rows.is_empty() {
         // The first group of parameters in which something is left, and the largest there.
         let mut best = (usize::MAX, 0.0, 0, 0);
         for &index in &order {
-            let group = keep(set.parameters()[index].kind);
+            let group = keep(&set.parameters()[index]);
             for (row, direction) in rows.iter().enumerate() {
                 let share = direction[index].abs() / direction.amax();
                 if share > least_share

@@ -377,7 +377,7 @@ impl Belief {
     }
 
     /// A set of which the first parameters are of the belief's vector, with what is known of them, and others are not: those that the earlier
-    /// campaign left nominal go with what it found.
+    /// campaign left nominal go with what it found, and are left out first.
     pub fn beside_left_out(&self, set: ParameterSet, own: usize) -> ParameterSet {
         let Some(campaign) = &self.prior_campaign else {
             return set;
@@ -391,7 +391,7 @@ impl Belief {
         first.copy_from(&earlier.select_rows(&places).select_columns(&places));
         let found = campaign.as_found(&set, own);
         let with_others = found.tr_mul(&precision) * found;
-        set.with_precision(&(with_others - precision))
+        (set.with_precision(&(with_others - precision))).with_found(&campaign.names)
     }
 
     /// Whether deflections of one configuration share something that repeats do not average.
