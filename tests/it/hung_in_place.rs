@@ -23,13 +23,14 @@ fn text(loading: &str) -> String {
     let replaced = [
         (
             "\"shoulder_lift\"]\ncompliance",
-            "\"shoulder_lift\", \"elbow\", \"wrist_1\", \"wrist_2\", \"wrist_3\"]\ncompliance",
+            "\"shoulder_lift\", \"elbow\", \"wrist_1\", \"wrist_2\"]\ncompliance",
         ),
-        ("std_mrad = 2\n", "std_mrad = 0.02\n"),
         (
-            "[\"shoulder_pan\", \"shoulder_lift\", \"elbow\", \"wrist_1\", \"wrist_2\", \"wrist_3\"]\nstd_relative",
-            "[\"shoulder_pan\"]\nstd_relative",
+            "\"shoulder_pan\", \"shoulder_lift\", \"elbow\", \"wrist_1\", \"wrist_2\", ",
+            "\"shoulder_pan\", ",
         ),
+        ("force_n = [10, -20, -50]", "force_n = [0, 0, -200]"),
+        ("std_mrad = 2\n", "std_mrad = 0.02\n"),
         ("std_mrad = 0.02\n\n[design]", "std_mrad = 0.05\n\n[design]"),
     ];
     let own = scenario_text("ur10_height_gauge");
@@ -73,12 +74,12 @@ fn what_is_hung_in_place_tells_more_as_predicted() {
     let place = workplace();
     let [in_place, returns] = LOADINGS.map(|loading| {
         let json = place.json(&format!(
-            "evaluate {loading}.toml --plan plan.csv --trials 600"
+            "evaluate {loading}.toml --plan plan.csv --trials 1000"
         ));
         holds(&json["trials"]);
         number(&json["rho0_mm"])
     });
-    assert!(in_place < 0.9 * returns, "{in_place} {returns}");
+    assert!(in_place < 0.7 * returns, "{in_place} {returns}");
 }
 
 /// Readings of one visit share the joints' return whatever hangs, and the direction of the load with those under the same alone.
@@ -89,7 +90,11 @@ fn readings_of_one_visit_share_returns_and_no_other_load() {
         let sources = [RETURNS, DIRECTION, POINT];
         let others = sources.into_iter().filter(|source| *source != kept);
         let text = others.fold(text(loading), |text, other| text.replacen(other, "", 1));
-        place.write("one.toml", text);
+        let any = "kind = \"any\"\nforce_max_n = 98";
+        place.write(
+            "one.toml",
+            text.replacen("kind = \"fixed\"\nforce_n = [0, 0, -98]", any, 1),
+        );
         let scenario = scenario(&place, "one");
         let commands = scenario.task.belief.commands();
         let rows = read_candidates(&place.path("plan.csv"), commands).expect("a plan");
@@ -139,12 +144,9 @@ fn files_say_what_was_read_in_place() {
     let planned = place.json("evaluate in_place.toml --plan plan.csv");
     let errors = |json: &Value, list: &str| -> Vec<f64> {
         let all = json[list].as_array().expect("a list").iter();
-        let own = all.filter(|each| {
-            each["name"]
-                .as_str()
-                .is_some_and(|name| name.ends_with("compliance"))
-        });
-        own.map(|each| number(&each["standard_error"])).collect()
+        all.take(4)
+            .map(|each| number(&each["standard_error"]))
+            .collect()
     };
     let identified = |loading: &str, file: &str| {
         let options = format!("{loading}.toml --measurements {file}");
@@ -158,8 +160,7 @@ fn files_say_what_was_read_in_place() {
         rows.flat_map(numbers).collect()
     };
     assert_eq!(covariance(&own), covariance(&named));
-    let [expected, found] = [errors(&planned, "unknowns"), errors(&own, "parameters")];
-    assert!(!found.is_empty() && found.len() == expected.len());
+    let [expected, found] = [errors(&planned, "unknowns"), errors(&own, "unknowns")];
     for (found, expected) in found.iter().zip(&expected) {
         assert!((found / expected - 1.0).abs() < 0.05, "{found} {expected}");
     }
@@ -183,8 +184,8 @@ fn files_say_what_was_read_in_place() {
         covariance(&own),
         covariance(&identified("in_place", "unsaid.csv"))
     );
-    let returned = errors(&identified("returns", "unsaid.csv"), "parameters");
-    assert!(returned[1] > 1.1 * found[1], "{returned:?} {found:?}");
+    let returned = errors(&identified("returns", "unsaid.csv"), "unknowns");
+    assert!(returned[1] > 2.0 * found[1], "{returned:?} {found:?}");
 
     let next = "--measurements read.csv --candidates plan.csv --experiments 26";
     for loading in LOADINGS {
@@ -194,7 +195,7 @@ fn files_say_what_was_read_in_place() {
     }
     let select = "select in_place.toml --measurements read.csv --sizes 8 --draws 4 --campaigns 2";
     assert_eq!(place.json(select)["chosen"], "visits");
-    place.json("measure in_place.toml --plan plan.csv --campaign 1 --measurements-out other.csv");
+    place.json("measure in_place.toml --plan plan.csv --series 1 --measurements-out other.csv");
     place.json("validate in_place.toml --identified in_place.json --measurements other.csv");
 }
 
@@ -205,20 +206,18 @@ fn the_laboratory_changes_loads_where_the_robot_stands() {
     let work = LOADINGS.map(|loading| {
         let json = place.json(&format!("lab {loading}.toml --plan plan.csv"));
         let stops = json["stops"].as_array().expect("stops").clone();
-        let moves = 1 + stops
-            .windows(2)
-            .filter(|pair| pair[0]["q_deg"] != pair[1]["q_deg"])
-            .count();
         let number = |key: &str| number(&json[key]);
         let minutes = number("minutes") - number("travel_deg") / 10.0 / 60.0;
         let costs =
             20.0 * number("set_ups") + 3.0 * number("load_changes") + 0.5 * number("readings");
-        assert!((minutes - costs - moves as f64).abs() < 1e-9, "{loading}");
-        (stops, moves, number("load_changes"))
+        (stops, minutes - costs, number("load_changes"))
     });
     let [(stops, moves, changes), (_, returned, once)] = &work;
     // Eleven configurations, three of which are visited again; what hangs stays on to the next.
-    assert_eq!((*moves, *returned), (14, 25));
+    assert!(
+        (moves - 14.0).abs() < 1e-6 && (returned - 25.0).abs() < 1e-6,
+        "{moves} {returned}"
+    );
     assert!(
         *changes <= 7.0 && (*once - 1.0).abs() < 1e-9,
         "{changes} {once}"

@@ -157,6 +157,7 @@ fn inner_targets_rest_with_the_whole_arm() {
         };
         let numbers = ReadingNumbers {
             reading: 0,
+            load: 0,
             visit: 0,
             configuration: 0,
         };
