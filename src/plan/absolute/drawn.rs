@@ -454,10 +454,25 @@ fn near(task: &Task, best: &[Candidate], step: f64, seed: u64, round: u64) -> Ve
     let mut all = best.to_vec();
     let stays = task.belief.loading == Loading::InPlace;
     for row in best {
-        // What is read there under other loads goes with it where these are hung in place.
-        let is_here =
-            |other: &&Candidate| std::ptr::eq(*other, row) || stays && other.pose() == row.pose();
-        let here: Vec<&Candidate> = best.iter().filter(is_here).collect();
+        // Where loads are hung in place, all that hang anywhere may be read there, too.
+        let is_like = |other: &&Candidate| {
+            stays && (&other.target, &other.station) == (&row.target, &row.station)
+        };
+        let mut loads = vec![row.load];
+        loads.extend(best.iter().filter(is_like).map(|other| other.load));
+        loads.extend(stays.then_some(Some(Load::NONE)));
+        loads.sort_by_key(|load| load.map(|load| load.bits()));
+        loads.dedup();
+        let under = |load| Candidate {
+            load,
+            ..row.clone()
+        };
+        let here: Vec<Candidate> = loads.into_iter().map(under).collect();
+        for other in &here {
+            if !all.contains(other) {
+                all.push(other.clone());
+            }
+        }
         for _ in 0..NEAR {
             // One joint at a time as often as all together.
             let alone = (random.random::<f64>() < 0.5)
