@@ -196,7 +196,10 @@ impl StoredIdentification {
         for place in (0..joints.len()).filter(stands_in) {
             values[place] = self.posterior.mean[place];
         }
-        for each in [Some(&mut self.posterior), self.all.as_mut()].into_iter().flatten() {
+        for each in [Some(&mut self.posterior), self.all.as_mut()]
+            .into_iter()
+            .flatten()
+        {
             let size = each.mean.len();
             each.mean.copy_from_slice(&values[..size]);
             let own = shift.rows(0, size);
