@@ -33,7 +33,10 @@ const SLIDES: &str = r#"<mujoco><worldbody><body><inertial pos="0 0 0" mass="2" 
 /// Where two slides must go nearly to their ends, the one that stands off its command leaves room for that.
 #[test]
 fn corrected_commands_keep_the_ends_of_the_ranges() {
-    let place = Workplace::of_arm(SLIDES, scenario("500, 50, 500, 500", ""));
+    let place = Workplace::of_arm(
+        SLIDES,
+        scenario("500, 50, 500, 500", "parameters = [\"z\"]\n"),
+    );
     let scenario = Scenario::load(&place.path("arm.toml")).expect("a scenario");
     let mut arm = scenario.task.belief.arm();
     let wave = GearWave::both(std::num::NonZeroU32::MIN)[0];
