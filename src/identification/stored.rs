@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
@@ -22,6 +22,8 @@ use crate::task::{Fingerprint, Method};
 /// Which file is wanted.
 const WANTED: &str = "the file must be one that `elastocal identify --identified-out` wrote";
 
+/// What others leave of a variance below this share is rounding.
+const ROUNDING: f64 = 1e-12;
 /// Smaller compliances (rad/(N m)) are as good as zero.
 const LEAST_SIZE: f64 = 1e-15;
 
@@ -142,23 +144,30 @@ impl StoredIdentification {
         let joints = joints_of(path, &stored.parameters, robot)?;
         let mut posterior = posterior(path, &stored)?;
         let mut all = posterior_of_all(path, &stored, &posterior)?;
-        check_agreement(path, &stored)?;
         let known = all.as_ref().unwrap_or(&posterior);
         let mut values = known.mean.clone();
-        let held = hold_impossible(
+        let (held, shift) = hold_impossible(
             &mut values,
             &known.covariance,
             |place| robot.compliance_rad_per_nm[joints[place]],
             |place| place < joints.len() && posterior.standard_error(place).is_some(),
         );
+        check_agreement(path, &stored, &values)?;
         for (place, value) in held {
             let unit = robot.chain.joints[joints[place]].drive.compliance_unit();
             let name = &stored.parameters[place];
             stored.conditions.push(nominal_instead(name, value, unit));
         }
-        posterior.mean.copy_from_slice(&values[..joints.len()]);
-        if let Some(all) = &mut all {
-            all.mean = values;
+        // What stands in where only combinations are determined went with that when the file was written.
+        let stands_in = |place: &usize| posterior.standard_error(*place).is_none();
+        for place in (0..joints.len()).filter(stands_in) {
+            values[place] = posterior.mean[place];
+        }
+        for each in [Some(&mut posterior), all.as_mut()].into_iter().flatten() {
+            let size = each.mean.len();
+            each.mean.copy_from_slice(&values[..size]);
+            let own = shift.rows(0, size);
+            each.covariance.ger(1.0, &own, &own, 1.0);
         }
         let discrepancy = [
             size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
@@ -194,13 +203,16 @@ pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
     ))
 }
 
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places, and what was there.
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places with what was
+/// there, and by how much all moved: what errs about the values that are taken has this shift, squared, beside the covariance.
 pub fn hold_impossible(
     values: &mut [f64],
     covariance: &DMatrix<f64>,
     nominal: impl Fn(usize) -> f64,
     is_compliance: impl Fn(usize) -> bool,
-) -> Vec<(usize, f64)> {
+) -> (Vec<(usize, f64)>, DVector<f64>) {
+    let found = DVector::from_column_slice(values);
+    let mut given = covariance.clone();
     let mut held: Vec<(usize, f64)> = Vec::new();
     // One that moves along may become impossible in its turn.
     while let Some(place) = (0..values.len()).find(|&place| {
@@ -208,17 +220,20 @@ pub fn hold_impossible(
         !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
     }) {
         held.push((place, values[place]));
-        let (off, own) = (nominal(place) - values[place], covariance[(place, place)]);
-        if own > 0.0 {
-            for (value, with) in values.iter_mut().zip(&covariance.column(place)) {
+        let (off, own) = (nominal(place) - values[place], given[(place, place)]);
+        if own > ROUNDING * covariance[(place, place)] {
+            let column = given.column(place).into_owned();
+            for (value, with) in values.iter_mut().zip(&column) {
                 *value += with * (off / own);
             }
+            given.ger(-own.recip(), &column, &column, 1.0);
         }
     }
     for &(place, _) in &held {
         values[place] = nominal(place);
     }
-    held
+    let shift = DVector::from_column_slice(values) - found;
+    (held, shift)
 }
 
 /// Zero where the file has none.
@@ -283,8 +298,13 @@ fn joints_of(path: &Path, names: &[String], robot: &Robot) -> Result<Vec<usize>,
     Ok(joints)
 }
 
-/// Whether what the file says twice agrees; its lists have their lengths.
-fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileError> {
+/// Whether what the file says twice agrees; its lists have their lengths, and these values are applied. Files of earlier versions have
+/// the estimates for them.
+fn check_agreement(
+    path: &Path,
+    stored: &IdentificationFile,
+    applied: &[f64],
+) -> Result<(), FileError> {
     let size = stored.parameters.len();
     let (rows, all) = (&stored.covariance_rad2_per_n2m2, &stored.covariance_of_all);
     let has_others = !stored.uncertain.is_empty();
@@ -294,7 +314,8 @@ fn check_agreement(path: &Path, stored: &IdentificationFile) -> Result<(), FileE
         let entry = |column: usize| at("covariance_rad2_per_n2m2", index, column);
         if let Some(value) = *value {
             let found = stored.compliance_applied_rad_per_nm[index];
-            agree(path, (&key("_applied"), found), (&key(""), value))?;
+            let agrees = |value| agree(path, (&key("_applied"), found), (&key(""), value));
+            agrees(applied[index]).or_else(|_| agrees(value))?;
             let errors = &stored.compliance_std_rad_per_nm;
             let intervals = &stored.compliance_ci95_rad_per_nm;
             agree_of_estimate(

@@ -12,13 +12,15 @@ use serde_json::{Value, json};
 use crate::calibration::{Calibration, CompensatedPose};
 use crate::codes::Condition;
 use crate::files::schema::RESULTS_VERSION;
-use crate::identification::{Identification, MeasurementResidual, UncertainEstimate};
+use crate::identification::{
+    Identification, MeasurementResidual, UncertainEstimate, hold_impossible,
+};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::robot::{Approach, Commands};
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Method};
+use crate::task::{AccuracyKind, Belief, Method};
 use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
@@ -200,7 +202,8 @@ pub struct IdentificationMessage {
     /// Their 95 % intervals (rad/(N m)).
     pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
     /// The values that compensation applies (rad/(N m)): the estimates; where only combinations are
-    /// determined, values that give these and are nominal in all other directions; else nominal values.
+    /// determined, values that give these and are nominal in all other directions; else nominal values. Nominal ones, too, in place of
+    /// what no joint has.
     pub compliance_applied_rad_per_nm: Vec<f64>,
     /// What is not determined: orthonormal combinations of the compliances, each divided by its typical
     /// size.
@@ -240,8 +243,18 @@ pub struct IdentificationMessage {
     pub residuals_mm: Vec<[f64; 3]>,
 }
 
-impl From<&Identification> for IdentificationMessage {
-    fn from(identification: &Identification) -> Self {
+impl IdentificationMessage {
+    /// The record of an identification of a robot with these nominal compliances of all joints (rad/(N m)).
+    pub fn new(identification: &Identification, nominal_rad_per_nm: &[f64]) -> Self {
+        let joints = &identification.parameters;
+        let mut applied = identification.posterior.mean.clone();
+        hold_impossible(
+            &mut applied,
+            &identification.posterior.covariance,
+            |place| nominal_rad_per_nm[joints[place].joint],
+            |place| (joints.get(place)).is_some_and(|each| each.estimate.is_some()),
+        );
+        applied.truncate(joints.len());
         // What else is uncertain stands apart.
         let all = (!identification.uncertain.is_empty()).then_some(&identification.posterior);
         let posterior = all.map_or_else(
@@ -261,7 +274,7 @@ impl From<&Identification> for IdentificationMessage {
             compliance_ci95_rad_per_nm: estimates()
                 .map(|estimate| Some(estimate?.interval95))
                 .collect(),
-            compliance_applied_rad_per_nm: posterior.mean.clone(),
+            compliance_applied_rad_per_nm: applied,
             undetermined_directions: directions_of(posterior.estimable.hidden()),
             compliance_typical_rad_per_nm: posterior.estimable.typical().to_vec(),
             covariance_rad2_per_n2m2: rows_of(&posterior.covariance),
@@ -435,7 +448,8 @@ pub struct CalibrationMessage {
 
 impl CalibrationMessage {
     /// The record of a calibration under the name of its plan.
-    pub fn new(commands: &Commands, name: &str, calibration: &Calibration) -> Self {
+    pub fn new(belief: &Belief, name: &str, calibration: &Calibration) -> Self {
+        let (commands, nominal) = (&belief.commands(), &belief.nominal);
         let measurements = calibration.measurements.iter();
         let poses = calibration.poses.iter();
         Self {
@@ -448,7 +462,10 @@ impl CalibrationMessage {
                 (calibration.identification.parameters.iter()).map(|each| each.joint),
                 &calibration.truth,
             ),
-            identification: (&calibration.identification).into(),
+            identification: IdentificationMessage::new(
+                &calibration.identification,
+                &nominal.compliance_rad_per_nm,
+            ),
             residuals: calibration.residuals.clone(),
             test_poses: poses
                 .map(|each| TestPoseMessage::new(commands, each))

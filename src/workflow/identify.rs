@@ -135,7 +135,8 @@ impl Identified {
         provenance: &ProvenanceMessage,
         sigma_from_residuals: bool,
     ) -> serde_json::Result<Value> {
-        let mut message = IdentificationMessage::from(&self.identification);
+        let nominal = &scenario.task.belief.nominal.compliance_rad_per_nm;
+        let mut message = IdentificationMessage::new(&self.identification, nominal);
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);

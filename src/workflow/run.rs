@@ -186,7 +186,7 @@ fn calibrate_all(
         "random".to_owned(),
         random.map_err(|error| error.to_string()),
     );
-    let (known, commands) = (plans.len(), scenario.task.belief.commands());
+    let (known, belief) = (plans.len(), &scenario.task.belief);
     let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
     for (index, (name, plan)) in plans.chain([random]).enumerate() {
         let assessment = |plan: &Plan| Assessment::new(&scenario.task, plan, Some(bound));
@@ -197,7 +197,7 @@ fn calibrate_all(
         {
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),
-                record: CalibrationMessage::new(&commands, &name, &calibration),
+                record: CalibrationMessage::new(belief, &name, &calibration),
                 calibration,
                 is_random: index == known,
             }),

@@ -177,19 +177,26 @@ impl StoredRobot {
             let nominal = |place: usize| unknowns[place].nominal;
             hold_impossible(&mut values, &covariance, nominal, is_compliance)
         });
-        let done = held.unwrap_or_default().into_iter().map(|(place, value)| {
+        let Some((held, shift)) = held.filter(|(held, _)| !held.is_empty()) else {
+            return (self.clone(), Vec::new());
+        };
+        let done = held.into_iter().map(|(place, value)| {
             let unknown = &unknowns[place];
             nominal_instead(&unknown.name, value, &unknown.unit)
         });
         let done: Vec<Condition> = done.collect();
-        if done.is_empty() {
-            return (self.clone(), done);
-        }
-        let shift = values.iter().zip(unknowns);
-        let shift: Vec<f64> = shift.map(|(now, before)| now - before.value).collect();
-        let mut robot = self.moved(&shift);
-        for (unknown, value) in robot.message.unknowns.iter_mut().zip(values) {
+        let mut robot = self.moved(shift.as_slice());
+        let message = &mut robot.message;
+        for (unknown, value) in message.unknowns.iter_mut().zip(values) {
             unknown.value = value;
+        }
+        let of_joints = (message.discrepancy_model.iter_mut()).map(|found| &mut found.covariance);
+        for rows in [&mut message.covariance].into_iter().chain(of_joints) {
+            for (row, own) in rows.iter_mut().zip(&shift) {
+                for (entry, other) in row.iter_mut().zip(&shift) {
+                    *entry += own * other;
+                }
+            }
         }
         (robot, done)
     }

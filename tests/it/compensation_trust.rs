@@ -1,8 +1,10 @@
 //! What `compensate` trusts: files of another robot are refused, and what speaks against a file is said.
 
+use elastocal::compensation::test_pose_matrix;
+use nalgebra::DVector;
 use serde_json::{Value, json};
 
-use crate::support::{Outcome, Workplace, numbers, scenario_text, table4};
+use crate::support::{Outcome, Workplace, number, numbers, scenario, scenario_text, table4};
 
 /// The paper's scenario, and what was identified under it.
 fn identified() -> Workplace {
@@ -171,13 +173,17 @@ fn doubts_of_the_identification_are_repeated() {
 fn a_negative_compliance_is_not_compensated_with() {
     let workplace = identified();
     let nominal = compensate(&workplace, 0).json();
+    let task = scenario("klimchik2012").task;
+    let mut shift = DVector::zeros(5);
     edit(&workplace, |json| {
         let covariance = json["covariance_rad2_per_n2m2"].clone();
         let number = |value: &Value| value.as_f64().expect("a number");
         let off = number(&json["compliance_rad_per_nm"][1]) + 1e-7;
+        let nominal = task.belief.nominal.compliance_rad_per_nm[2];
         for joint in 0..5 {
             let share = number(&covariance[1][joint]) / number(&covariance[1][1]);
             let value = number(&json["compliance_rad_per_nm"][joint]) - share * off;
+            shift[joint] = share * (nominal + 1e-7);
             json["compliance_rad_per_nm"][joint] = json!(value);
             json["compliance_applied_rad_per_nm"][joint] = json!(value);
             json["compliance_ci95_rad_per_nm"][joint] = Value::Null;
@@ -193,6 +199,14 @@ fn a_negative_compliance_is_not_compensated_with() {
     {
         assert!((one - other).abs() < 2e-3, "{found:#} {nominal:#}");
     }
+    // What was identified says that this is wrong by the shift, beside its own uncertainty.
+    let rows = test_pose_matrix(&task.belief, &task.test_poses[0], &task.belief.parameters);
+    let [own, predicted] = [&nominal, &found].map(|each| number(&each["rho0_mm"]));
+    let expected = own.hypot((rows * shift).norm() * 1e3);
+    assert!(
+        (predicted / expected - 1.0).abs() < 0.01 && predicted > 3.0 * own,
+        "{predicted} {expected} {own}"
+    );
     workplace
         .run("export s.toml --identified i.json --model-out o.xml --quiet")
         .ends_with(3);

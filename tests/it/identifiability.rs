@@ -245,7 +245,7 @@ fn without_residuals_there_is_no_consistency() {
         scenario.truth.robot.compliance_rad_per_nm.clone();
     leave_open(&mut scenario, &[1, 2, 3]);
     let measurements = noise_free(&scenario, &table4(3));
-    let found = identified(
+    let mut found = identified(
         &scenario,
         &measurements[..1],
         known(&scenario),
@@ -255,12 +255,25 @@ fn without_residuals_there_is_no_consistency() {
         (found.rank, found.consistency, found.residual_sigma_m),
         (3, None, None)
     );
-    let json = serde_json::to_value(IdentificationMessage::from(&found)).expect("serializes");
+    let nominal = &scenario.task.belief.nominal.compliance_rad_per_nm;
+    let message = IdentificationMessage::new(&found, nominal);
+    let json = serde_json::to_value(message).expect("serializes");
     assert!(json["consistency"].is_null() && json["residual_sigma_mm"].is_null());
     assert!(
         found
             .parameters
             .iter()
             .all(|parameter| parameter.estimate.is_some())
+    );
+    // What no joint has is not applied, and the others are what they are then.
+    let (before, of_first) = (
+        found.posterior.mean.clone(),
+        nominal[found.parameters[0].joint],
+    );
+    found.posterior.mean[0] = -1e-9;
+    let applied = IdentificationMessage::new(&found, nominal).compliance_applied_rad_per_nm;
+    assert!(
+        applied[0] == of_first && applied[1] != before[1],
+        "{applied:?} {before:?}"
     );
 }

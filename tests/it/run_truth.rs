@@ -31,10 +31,9 @@ fn runs(scenario: &Scenario, plan: &Plan) -> Vec<Calibration> {
 
 /// In how many records each compliance's interval holds the truth beside it.
 fn held(scenario: &Scenario, runs: &[Calibration]) -> Vec<(String, u64)> {
-    let commands = scenario.task.belief.commands();
     let mut held: Vec<(String, u64)> = Vec::new();
     for run in runs {
-        let record = CalibrationMessage::new(&commands, "plan", run);
+        let record = CalibrationMessage::new(&scenario.task.belief, "plan", run);
         let identified = &record.identification;
         let all = identified.parameters.iter().enumerate();
         for (index, name) in all {

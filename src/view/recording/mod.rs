@@ -222,10 +222,9 @@ impl Recording {
         let mut stage = Stage::new(scenario, &links);
         let mut calibrations = Vec::new();
         for plan in plans {
-            let commands = belief.commands();
             let (record, steps) = match plan {
                 CarriedOutPlan::Deflections(name, calibration) => {
-                    let record = CalibrationMessage::new(&commands, name, calibration);
+                    let record = CalibrationMessage::new(belief, name, calibration);
                     let steps = steps::of_deflections(scenario, calibration, &mut stage)?;
                     (PlanRecord::Deflections(Box::new(record)), steps)
                 }
@@ -236,7 +235,7 @@ impl Recording {
             };
             calibrations.push(RecordedCalibration {
                 record,
-                commands,
+                commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
                 steps,
             });
