@@ -1,7 +1,7 @@
 //! The whole loop once: measure a plan on the virtual robot, identify, compensate, and see on the
 //! virtual robot what distance is left.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::{DMatrix, DVector, Vector3};
 use thiserror::Error;
 
 use crate::codes::{Condition, ConditionCode};
@@ -192,9 +192,12 @@ pub fn compensate_poses(
 ) -> Result<Vec<CompensatedPose>, CalibrationError> {
     let belief = &task.belief;
     let arm = belief.arm_at(&posterior.mean);
+    // Derivatives where the covariance is that of.
+    let nothing = DMatrix::zeros(belief.unknowns(), belief.unknowns());
+    let identified = belief.informed(&arm.compliance_rad_per_nm, &nothing);
     compensate_poses_by(task, robots, &|pose| {
         let commanded_rad = compensate_arm(&arm, arm.tools.len() - 1, pose, method)?;
-        let matrix = test_pose_rows(belief, pose);
+        let matrix = test_pose_rows(&identified, pose);
         Ok((commanded_rad, predicted_error(&matrix, posterior)))
     })
 }

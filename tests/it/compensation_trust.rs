@@ -1,7 +1,12 @@
 //! What `compensate` trusts: files of another robot are refused, and what speaks against a file is said.
 
+use elastocal::calibration::compensate_poses;
 use elastocal::compensation::test_pose_matrix;
-use nalgebra::DVector;
+use elastocal::numeric::estimable::Estimable;
+use elastocal::numeric::posterior::Posterior;
+use elastocal::scenario::Scenario;
+use elastocal::testbed::TrueRobots;
+use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
 use crate::support::{Outcome, Workplace, number, numbers, scenario, scenario_text, table4};
@@ -210,6 +215,36 @@ fn a_negative_compliance_is_not_compensated_with() {
     workplace
         .run("export s.toml --identified i.json --model-out o.xml --quiet")
         .ends_with(3);
+}
+
+/// By the logarithm of a compliance that is twice the nominal one, a test pose errs twice as much.
+#[test]
+fn accuracy_is_predicted_at_what_was_identified() {
+    let place = Workplace::new();
+    let source =
+        "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.3\n";
+    place.write("s.toml", scenario_text("klimchik2012") + source);
+    let Scenario { task, truth, .. } = Scenario::load(&place.path("s.toml")).expect("valid");
+    let mut robots = TrueRobots::new(&task.belief, &truth).expect("robots");
+    let last = task.belief.unknowns() - 1;
+    let [one, two] = [0.0, 2.0_f64.ln()].map(|value| {
+        let mut mean = task.belief.values();
+        mean[last] = value;
+        let mut covariance = DMatrix::zeros(last + 1, last + 1);
+        covariance[(last, last)] = 0.01;
+        let posterior = Posterior {
+            names: task.belief.unknown_names(),
+            mean,
+            covariance,
+            estimable: Estimable::with_hidden(&task.belief.sizes(), DMatrix::zeros(last + 1, 0)),
+        };
+        let poses = compensate_poses(&task, &mut robots, &posterior, task.belief.method);
+        poses.expect("compensated")[0]
+            .predicted_m
+            .clone()
+            .expect("determined")
+    });
+    assert!(one > 0.0 && (two / one - 2.0).abs() < 1e-9, "{one} {two}");
 }
 
 /// Nor is it content with a value that stands in where only combinations are determined.
