@@ -477,8 +477,10 @@ fn what_a_slide_errs_by_becomes_an_error_source() {
     let functions = listed.task.belief.uncertain.joint_functions();
     let lift = functions.iter().find(|each| each.joint == 2);
     let lift = lift.unwrap_or_else(|| panic!("{tables}"));
-    assert!((1.5e-4..6e-4).contains(&lift.deviation_rad), "{tables}");
-    assert!((0.01..0.25).contains(&lift.kernel.length), "{tables}");
+    // Over a way of some lengths zeros take what is slow: what such a function's steps are made of shows, to 13 % by 120 of them.
+    let steps = |deviation: f64, length: f64| deviation.powi(2) / length;
+    let share = steps(lift.deviation_rad, lift.kernel.length) / steps(3e-4, 0.05);
+    assert!((0.5..2.0).contains(&share), "{share} {tables}");
 }
 
 /// Positions of parallel axes do not tell a slide's sign from the hand of the instrument's axes: both are named.

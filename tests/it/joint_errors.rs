@@ -47,6 +47,11 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
     );
     let identified: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
     let tool = identified["targets"][0]["name"].as_str().expect("a name");
+    // The next campaign knows of them, but not what they are.
+    let next = place.read("s.toml");
+    let next = next.replacen("[robot]\n", "[robot]\nprior = \"i.json\"\n", 1);
+    place.write("next.toml", next);
+    place.run("check next.toml").says("condition C0217");
     let mut plain = identified.clone();
     plain["discrepancy_model"] = Value::Null;
     place.write("plain.json", plain.to_string());
