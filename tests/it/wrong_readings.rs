@@ -249,7 +249,7 @@ fn compliances_of_a_gauge_are_those_of_the_right_readings() {
 /// weights of the fit.
 #[test]
 fn one_wrong_pose_takes_no_other_with_it() {
-    const STD_RAD: f64 = 3e-5;
+    const STD_RAD: f64 = 1e-5;
     let mut random = generator(53, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
     let returns = RefCell::new(generator(53, 1));
