@@ -186,15 +186,15 @@ impl Case<'_> {
         let chi_square = ChiSquared::new(freedom).ok().filter(|_| is_known);
         let deflections = self.measurements.iter();
         let coordinates: usize = (deflections.clone()).map(|each| rows_of(each).min(3)).sum();
-        let squares: f64 = (deflections
-            .clone()
-            .map(|each| each.deflection_m.norm_squared()))
-        .sum();
-        let rotations = deflections.filter_map(|each| each.rotation);
-        let rotations: Vec<f64> = rotations
-            .map(|each| each.vector_rad.norm_squared())
-            .collect();
-        let turned = rotations.iter().sum::<f64>() / (3 * rotations.len().max(1)) as f64;
+        let squares: f64 = (deflections.clone())
+            .map(|each| each.deflection_m.norm_squared())
+            .sum();
+        let mut rotations = [0.0; 2];
+        for each in deflections.filter_map(|each| each.rotation.as_ref()) {
+            rotations[0] += each.vector_rad.norm_squared();
+            rotations[1] += 3.0;
+        }
+        let turned = rotations[0] / rotations[1].max(1.0);
         Ok(Identification {
             method: self.method,
             parameters,
