@@ -240,6 +240,7 @@ pub(super) fn for_each_effect(
         effects.fixed_view_mut::<3, 3>(0, 0).copy_from(moved);
         effects
     };
+    let mut beside = None;
     // Of what has three axes.
     let (effects, deviation) = match source {
         ReadingSource::JointRepeatability(deviations)
@@ -282,12 +283,15 @@ pub(super) fn for_each_effect(
                 })
                 .sum();
             // Its cosine is off by t^2 of what moves along it, too.
-            tell(column_of(&(moved * deviation.powi(2))));
+            beside = Some(column_of(&(moved * deviation.powi(2))));
             (by_itself(&-moved.cross_matrix()), *deviation)
         }
     };
     for effect in effects.column_iter() {
         tell(effect * deviation);
+    }
+    if let Some(beside) = beside {
+        tell(beside);
     }
 }
 
