@@ -128,10 +128,10 @@ fn readings_of_one_visit_share_returns_and_no_other_load() {
         ("in_place", DIRECTION),
         ("in_place", POINT),
     ] {
-        assert_eq!(
-            correlations(loading, source),
-            [0.0; 2],
-            "{loading} {source}"
+        let found = correlations(loading, source);
+        assert!(
+            found.iter().all(|each| each.abs() < 1e-12),
+            "{loading} {source}: {found:?}"
         );
     }
 }

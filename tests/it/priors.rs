@@ -310,6 +310,17 @@ fn a_replaced_gearbox_is_another_unknown() {
     }
 }
 
+/// Writes a scenario whose earlier campaign found the load cell far from nominal: that is the mean of what is known.
+fn write_far(place: &Workplace) {
+    let mut found: Value = serde_json::from_str(&place.read("first.json")).expect("JSON");
+    let sources = found["uncertain"].as_array_mut().expect("a list");
+    let scale = sources.iter_mut().find(|each| each["name"] == "load.scale");
+    scale.expect("a scale")["value"] = serde_json::json!(0.03);
+    place.write("far.json", found.to_string());
+    let far = with_prior(&place.read("first.toml"), "far.json");
+    place.write("far.toml", far);
+}
+
 /// Where the load cell is kept, its error is one unknown of all campaigns: a second and a third one predict what all together determine,
 /// and runs err by as much. One that was replaced is another unknown.
 #[test]
@@ -395,16 +406,7 @@ fn a_source_of_several_campaigns_is_one_unknown() {
         number(&said["rho0_mm"])
     });
     assert!(other < 0.95 * one, "{other}, {one}");
-    // However far from nominal the earlier campaign found it: that is the mean of what is known.
-    let mut found: Value = serde_json::from_str(&place.read("first.json")).expect("JSON");
-    let sources = found["uncertain"].as_array_mut().expect("a list");
-    let scale = sources.iter_mut().find(|each| each["name"] == "load.scale");
-    scale.expect("a scale")["value"] = serde_json::json!(0.03);
-    place.write("far.json", found.to_string());
-    place.write(
-        "far.toml",
-        with_prior(&place.read("first.toml"), "far.json"),
-    );
+    write_far(&place);
     errors_are_predicted(&place, ("model", 20_000), &["second", "replaced", "far"]);
     errors_are_predicted(&place, ("robot", 2000), &["second", "replaced"]);
     place.write(
