@@ -4,16 +4,7 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, number};
-
-const JOINTS: [&str; 6] = [
-    "shoulder_pan",
-    "shoulder_lift",
-    "elbow",
-    "wrist_1",
-    "wrist_2",
-    "wrist_3",
-];
+use crate::support::{UR10_JOINTS, Workplace, absolute_scenario_text, number};
 
 /// The robot differs in geometry and compliances, of which the planner's model knows nothing before.
 const HIDDEN: &str = r#"
@@ -87,9 +78,9 @@ const OF_LINK: [&str; 6] = ["x", "y", "z", "rx", "ry", "rz"];
 
 /// A scenario of all zeros and links beside compliances.
 fn scenario(prior: Option<&str>) -> String {
-    let zeros = JOINTS.map(|joint| format!("\"{joint}.zero\""));
-    let links =
-        (1..=JOINTS.len()).flat_map(|link| OF_LINK.map(|key| format!("\"link_{link}.{key}\"")));
+    let zeros = UR10_JOINTS.map(|joint| format!("\"{joint}.zero\""));
+    let links = (1..=UR10_JOINTS.len())
+        .flat_map(|link| OF_LINK.map(|key| format!("\"link_{link}.{key}\"")));
     let geometry: Vec<String> = zeros.into_iter().chain(links).collect();
     let wanted = format!("\"wrist_3\", {}]", geometry.join(", "));
     with_prior(&plain().replacen("\"wrist_3\"]", &wanted, 1), prior)

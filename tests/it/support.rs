@@ -181,6 +181,16 @@ pub fn error_message(line: &str) -> Option<&str> {
     ErrorCode::ALL.iter().find(is_it).map(|_| message)
 }
 
+/// The joints of the UR10, from its base on.
+pub const UR10_JOINTS: [&str; 6] = [
+    "shoulder_pan",
+    "shoulder_lift",
+    "elbow",
+    "wrist_1",
+    "wrist_2",
+    "wrist_3",
+];
+
 /// A scenario of the repository whose plan is for an absolute accuracy.
 pub fn absolute_scenario_text(name: &str) -> String {
     scenario_text(name).replace("[design]", "[design]\naccuracy = \"absolute\"")

@@ -15,7 +15,7 @@ use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rayon::prelude::*;
 
-use crate::support::{project, scenario};
+use crate::support::{UR10_JOINTS, project, scenario};
 
 const HALVES: u64 = 20;
 /// The full model's fits take longest, and nothing is predicted of them.
@@ -52,14 +52,6 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
                 ["x", "y", "z"].map(|axis| number(&format!("measurement_{before}{after}{axis}"))),
             )
         };
-        let q = [
-            "shoulder_pan",
-            "shoulder_lift",
-            "elbow",
-            "wrist_1",
-            "wrist_2",
-            "wrist_3",
-        ];
         let turn = three("", "r").map(f64::to_radians);
         let about = |axis: usize| UnitQuaternion::from_scaled_axis(Vector3::ith(axis, turn[axis]));
         let deviation = three("std_", "") * 1e-3;
@@ -67,7 +59,7 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
         let variances = [deviation, turned].map(|each| each.component_mul(&each));
         AbsoluteReading {
             configuration_rad: DVector::from_fn(6, |joint, _| {
-                number(&format!("{}_joint", q[joint]))
+                number(&format!("{}_joint", UR10_JOINTS[joint]))
             }),
             load: Load::NONE,
             target: None,
