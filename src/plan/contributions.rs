@@ -15,7 +15,8 @@ use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{
-    ExperimentModel, Plan, as_repeats, hung, quantile95_m, sharing_groups, stand_at, task_rows,
+    ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m, sharing_groups,
+    stand_at, task_rows,
 };
 use crate::numeric::posterior::Posterior;
 use crate::task::Task;
@@ -34,6 +35,15 @@ impl UncertaintyBudget {
         }
         Some(budget)
     }
+}
+
+/// The share of each group of uncertain parameters, in the order of the belief, of the square of what a plan of deflections predicts;
+/// `None` where it does not determine the test poses.
+pub(super) fn parameter_shares(task: &Task, plan: &Plan) -> Option<Vec<f64>> {
+    let posterior = posterior(&task.belief, plan);
+    let whole = rho0_m(task, &posterior)?.powi(2);
+    let parameters = squares(task, plan, &posterior).parameters.into_iter();
+    Some(parameters.map(|square| square / whole).collect())
 }
 
 fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {

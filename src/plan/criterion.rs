@@ -18,6 +18,10 @@ use super::factorisation::{
     traces_of_sums,
 };
 
+/// So small a share of what one experiment gives makes the information of others regular that leave something open: far above
+/// rounding, and less than searches tell apart.
+const OPEN: f64 = 1e-4;
+
 /// What makes a plan good.
 #[derive(
     Debug,
@@ -223,7 +227,7 @@ impl CriterionFunction {
     }
 
     /// Which of some experiments lowers the cost of M = `rest` most, measured `weight` times, by updates of rank K; `rows` are A^T of each,
-    /// side by side (p x K n). None where M is singular. With S = 1 + w A M^-1 A^T and G = A M^-1 C^T
+    /// side by side (p x K n), and `most` the most that one gives of each unknown alone. None where it gives nothing of what M leaves open. With S = 1 + w A M^-1 A^T and G = A M^-1 C^T
     ///
     /// ```text
     /// trace(C (M + w A^T A)^-1 C^T) = trace(C M^-1 C^T) - w trace(G^T S^-1 G),   det(M + w A^T A) = det(M) det(S)
@@ -232,13 +236,21 @@ impl CriterionFunction {
         &mut self,
         rest: &DMatrix<f64>,
         rows: &DMatrixView<'_, f64>,
+        most: &[f64],
         weight: f64,
     ) -> Option<usize> {
-        let inverse = Cholesky::new(rest.clone())?.inverse();
         let mut directions = rest.clone();
-        if self.cost(rest, &mut directions).is_infinite() {
-            return None;
+        let mut rest = rest.clone();
+        if self.cost(&rest, &mut directions).is_infinite() {
+            // An experiment may determine what the others leave open.
+            for (index, most) in most.iter().enumerate() {
+                rest[(index, index)] += OPEN * (rest[(index, index)] + weight * most);
+            }
+            if self.cost(&rest, &mut directions).is_infinite() {
+                return None;
+            }
         }
+        let inverse = Cholesky::new(rest)?.inverse();
         let by_determinant = self.power_of_determinant().is_some();
         let moved = inverse * rows;
         let task = rows.tr_mul(&self.solved);

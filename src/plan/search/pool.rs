@@ -19,6 +19,8 @@ pub(super) struct Pool {
     information: Vec<[f64; LANES]>,
     /// A^T of the points, side by side (p x r n), each with r rows.
     rows: DMatrix<f64>,
+    /// The most that one of them gives of each unknown alone (p).
+    most: Vec<f64>,
     rank: usize,
     /// p^2.
     entries: usize,
@@ -37,15 +39,19 @@ impl Pool {
                 rows.set_column(rank * index + row, &block.row(row % 3).transpose());
             }
         }
+        let each: Vec<DMatrix<f64>> = points.iter().map(Point::information).collect();
+        let own = |index| each.iter().map(move |each| each[(index, index)]);
         let mut pool = Self {
             information: vec![[0.0; LANES]; points.len().div_ceil(LANES) * entries],
             rows,
+            most: (0..size)
+                .map(|index| own(index).fold(0.0, f64::max))
+                .collect(),
             rank,
             points,
             entries,
         };
-        for index in 0..pool.points.len() {
-            let information = pool.points[index].information();
+        for (index, information) in each.iter().enumerate() {
             for (entry, value) in information.iter().enumerate() {
                 *pool.entry(index, entry) = *value;
             }
@@ -69,8 +75,8 @@ impl Pool {
         let rows = self.rows.columns(0, self.rank * self.points.len());
         let best = match self.rank {
             _ if rest.nrows() < UPDATED => None,
-            3 => cost.best_update::<3>(rest, &rows, weight),
-            6 => cost.best_update::<6>(rest, &rows, weight),
+            3 => cost.best_update::<3>(rest, &rows, &self.most, weight),
+            6 => cost.best_update::<6>(rest, &rows, &self.most, weight),
             _ => None,
         };
         if let Some(index) = best {

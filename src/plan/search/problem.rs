@@ -8,7 +8,7 @@ use super::error::SearchError;
 use super::joints::{indifferent_joints, is_loaded, random_information};
 use super::observation::MatrixEvaluator;
 use super::point::{add_information, in_directions};
-use super::relevance::{SMALL, relevant};
+use super::relevance::{relevant, relevant_in};
 use crate::compensation::{test_pose_matrix, weighted_rows};
 use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
@@ -90,12 +90,12 @@ impl<'a> Problem<'a> {
     /// that no experiment shows and that do not matter there are left out; every other criterion is about
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
-        Self::considering(false, task, criterion)
+        Self::considering(None, task, criterion)
     }
 
-    /// The same with all unknowns considered, or those that matter.
-    fn considering(all: bool, task: &'a Task, criterion: Criterion) -> Self {
-        let mut problem = Self::shown_by(all, task, criterion, &|problem| {
+    /// The same with these unknowns considered, or those that matter for random plans.
+    fn considering(considered: Option<Vec<usize>>, task: &'a Task, criterion: Criterion) -> Self {
+        let mut problem = Self::shown_by(considered, task, criterion, &|problem| {
             random_information(problem.evaluator(), &problem.ranges, task).0
         });
         if problem.impossible.is_none() {
@@ -107,17 +107,17 @@ impl<'a> Problem<'a> {
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
     pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
-        Self::within_experiments(false, task, criterion, experiments)
+        Self::within_experiments(None, task, criterion, experiments)
     }
 
-    /// The same with all unknowns considered, or those that matter.
+    /// The same with these unknowns considered, or those that matter for random plans.
     fn within_experiments(
-        all: bool,
+        considered: Option<Vec<usize>>,
         task: &'a Task,
         criterion: Criterion,
         experiments: &[Experiment],
     ) -> Self {
-        Self::shown_by(all, task, criterion, &|problem| {
+        Self::shown_by(considered, task, criterion, &|problem| {
             let size = problem.parameters();
             let zero = DMatrix::zeros(size, size);
             experiments
@@ -128,13 +128,13 @@ impl<'a> Problem<'a> {
 
     /// The problem within what experiments show that give this information all together.
     fn shown_by(
-        all: bool,
+        considered: Option<Vec<usize>>,
         task: &'a Task,
         criterion: Criterion,
         information: &dyn Fn(&Self) -> DMatrix<f64>,
     ) -> Self {
         let parameters = &task.belief.parameters;
-        let mut problem = Self::of_parameters(all, task, criterion, parameters);
+        let mut problem = Self::of_parameters(considered, task, criterion, parameters);
         let names = task.belief.uncertain.further().map(str::to_owned);
         let names: Vec<String> = names.collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
@@ -199,7 +199,7 @@ impl<'a> Problem<'a> {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
             if kept.len() == basis.ncols() && self.extended.is_none() {
                 let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
-                return Self::of_parameters(false, self.task, self.criterion, &kept);
+                return Self::of_parameters(None, self.task, self.criterion, &kept);
             }
             self.test_poses = basis.tr_mul(&self.test_poses);
             self.prior = basis.tr_mul(&self.prior) * basis;
@@ -209,7 +209,7 @@ impl<'a> Problem<'a> {
     }
 
     fn of_parameters(
-        all: bool,
+        considered: Option<Vec<usize>>,
         task: &'a Task,
         criterion: Criterion,
         parameters: &[usize],
@@ -220,15 +220,13 @@ impl<'a> Problem<'a> {
             _ => None,
         };
         let ranges = ranges_of(&task.region);
-        let mut considered = Vec::new();
+        let mut considered = considered.unwrap_or_default();
         let (sizes, test_poses, prior) = if let Some(extended) = extended {
             let sizes = task.belief.sizes();
             let test_poses = scaled(&task_rows(task), &sizes);
-            considered = if all {
-                (0..sizes.len()).collect()
-            } else {
-                relevant(task, extended, &sizes, &test_poses, &ranges)
-            };
+            if considered.is_empty() {
+                considered = relevant(task, extended, &sizes, &test_poses, &ranges);
+            }
             let prior = task.belief.prior_information();
             (
                 considered.iter().map(|&index| sizes[index]).collect(),
@@ -349,28 +347,31 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// The problem with all unknowns considered, where those left out make more of a plan's cost than of random ones.
+    /// The problem with what is left out and counts in a plan considered, if there is such.
     pub(super) fn with_left_out(&self, plan: &Plan) -> Option<Self> {
-        self.where_it_counts(plan, || Self::considering(true, self.task, self.criterion))
+        self.where_it_counts(plan, |considered| {
+            Self::considering(Some(considered), self.task, self.criterion)
+        })
     }
 
     /// The same for plans of these experiments alone.
     pub(super) fn with_left_out_among(&self, all: &[Experiment], plan: &Plan) -> Option<Self> {
-        self.where_it_counts(plan, || {
-            Self::within_experiments(true, self.task, self.criterion, all)
+        self.where_it_counts(plan, |considered| {
+            Self::within_experiments(Some(considered), self.task, self.criterion, all)
         })
     }
 
-    fn where_it_counts(&self, plan: &Plan, whole: impl FnOnce() -> Self) -> Option<Self> {
-        if self.left_out().is_empty() {
-            return None;
-        }
-        let whole = Self {
+    fn where_it_counts(
+        &self,
+        plan: &Plan,
+        considering: impl FnOnce(Vec<usize>) -> Self,
+    ) -> Option<Self> {
+        let considered = relevant_in(self.task, self.extended?, plan, &self.considered)?;
+        Some(Self {
             effort: self.effort,
             stop: self.stop,
-            ..whole()
-        };
-        (whole.value(plan)? > self.value(plan)? * (1.0 + SMALL)).then_some(whole)
+            ..considering(considered)
+        })
     }
 
     /// What a plan costs; `None` where it does not determine what is asked for.

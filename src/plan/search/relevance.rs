@@ -6,11 +6,12 @@ use nalgebra::DMatrix;
 use super::joints::random_information;
 use super::observation::MatrixEvaluator;
 use crate::observation::ComplianceColumns;
+use crate::plan::{Plan, parameter_shares};
 use crate::task::{Extended, Task};
 
 /// What is left out makes together at most this share of the square of what random plans prediction: half of it in
 /// `rho_0`.
-pub(super) const SMALL: f64 = 0.01;
+const SMALL: f64 = 0.01;
 /// Plans of the task's size, and of so many times as many measurements, whose predictions hold less noise.
 const SIZES: [f64; 2] = [1.0, 10.0];
 
@@ -23,7 +24,7 @@ pub(super) fn relevant(
     test_poses: &DMatrix<f64>,
     ranges: &[(f64, f64)],
 ) -> Vec<usize> {
-    let all: Vec<usize> = (0..sizes.len()).collect();
+    let mut all: Vec<usize> = (0..sizes.len()).collect();
     let precision = task.belief.instrument.precision();
     let joints = &task.belief.parameters;
     let compliances = ComplianceColumns::new(joints, &sizes[..joints.len()], precision);
@@ -50,20 +51,55 @@ pub(super) fn relevant(
             *share = share.max(square.sum::<f64>() / whole);
         }
     }
-    let mut order: Vec<usize> = (0..groups.len()).collect();
-    order.sort_by(|&one, &other| shares[one].total_cmp(&shares[other]));
+    let small = small(shares.into_iter().enumerate().collect());
+    let is_small = |place: &usize| small.iter().any(|&group| groups[group].1.contains(place));
+    all.retain(|place| *place < extended.identified() || !is_small(place));
+    all
+}
+
+/// What is considered in place of these unknowns, if what they leave out makes more than [`SMALL`] of the square of what a plan
+/// predicts: so many sources more, those with the largest contributions, that the rest makes less.
+pub(super) fn relevant_in(
+    task: &Task,
+    extended: &Extended,
+    plan: &Plan,
+    considered: &[usize],
+) -> Option<Vec<usize>> {
+    let groups = extended.shared();
+    let shares = parameter_shares(task, plan)?;
+    let is_out = |group: usize| {
+        groups[group]
+            .1
+            .iter()
+            .all(|place| !considered.contains(place))
+    };
+    let out: Vec<(usize, f64)> = (shares.into_iter().enumerate())
+        .filter(|&(group, _)| is_out(group))
+        .collect();
+    let small = small(out.clone());
+    let counting = out.iter().filter(|(group, _)| !small.contains(group));
+    let more: Vec<usize> = counting
+        .flat_map(|&(group, _)| groups[group].1.clone())
+        .collect();
+    let is_considered = |place: &usize| considered.contains(place) || more.contains(place);
+    (!more.is_empty()).then(|| {
+        (0..extended.set().parameters().len())
+            .filter(is_considered)
+            .collect()
+    })
+}
+
+/// Of groups with their shares, the smallest, which make at most [`SMALL`] together.
+fn small(mut shares: Vec<(usize, f64)>) -> Vec<usize> {
+    shares.sort_by(|(_, one), (_, other)| one.total_cmp(other));
     let mut left = SMALL;
-    let mut is_considered = vec![true; sizes.len()];
-    for group in order {
-        left -= shares[group];
-        if left.is_nan() || left < 0.0 {
-            break;
-        }
-        for &place in &groups[group].1 {
-            is_considered[place] = place < extended.identified();
-        }
-    }
-    all.into_iter()
-        .filter(|&index| is_considered[index])
+    let is_small = |&(_, share): &(usize, f64)| {
+        left -= share;
+        left >= 0.0
+    };
+    shares
+        .into_iter()
+        .take_while(is_small)
+        .map(|(group, _)| group)
         .collect()
 }
