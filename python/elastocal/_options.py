@@ -49,7 +49,7 @@ class CheckOptions(CheckGiven, total=False):
 
 class CompareGiven(TypedDict, total=False):
     allow: str | Sequence[str] | None
-    allow_different: Literal["schema", "scenario", "seed", "experiments", "configurations", "criterion", "trials", "level", "plans"] | Sequence[Literal["schema", "scenario", "seed", "experiments", "configurations", "criterion", "trials", "level", "plans"]] | None
+    allow_different: Literal["schema", "scenario", "seed", "experiments", "configurations", "criterion", "trials", "level", "plans", "errors", "inputs"] | Sequence[Literal["schema", "scenario", "seed", "experiments", "configurations", "criterion", "trials", "level", "plans", "errors", "inputs"]] | None
     exact: bool | None
     markdown: FilePath | None
     threads: int | None

@@ -23,7 +23,7 @@ import elastocal as ec
 from elastocal._errors import write_whole
 
 #: Differences of the question that renewing puts up with.
-RENEWABLE = ["scenario", "seed", "experiments", "configurations", "criterion"]
+RENEWABLE = ["scenario", "seed", "experiments", "configurations", "criterion", "errors", "inputs"]
 #: Units in which people read, and how many of them one is.
 SHOWN = {"rad/(N m)": ("1e-9 rad/(N m)", 1e9)}
 

@@ -178,7 +178,7 @@ impl PlanningProblem {
     }
 
     fn value_and_gradient(&self, plan: &Plan) -> (f64, Rows) {
-        let problem = Problem::new(&self.scenario.task, Criterion::TestPose);
+        let problem = Problem::of_all(&self.scenario.task, Criterion::TestPose);
         problem.cost_and_gradient(plan)
     }
 }

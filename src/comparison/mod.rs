@@ -40,6 +40,10 @@ pub enum Aspect {
     Level,
     /// Which plans there are.
     Plans,
+    /// Which error sources are counted: the scenario's, or noise alone.
+    Errors,
+    /// Files that were given beside the scenario, such as test poses and candidates, but for the plan.
+    Inputs,
 }
 
 /// A difference between the questions, with both answers.

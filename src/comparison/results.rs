@@ -198,6 +198,22 @@ impl ResultsFile {
         let shown = format!("{} {hash}", self.provenance.scenario);
         self.answers
             .insert(Aspect::Scenario, Answer { identity, shown });
+        let counted = ["those of the scenario", "noise alone"];
+        let counted = counted[usize::from(self.provenance.noise_only)];
+        self.answer(Aspect::Errors, counted.to_owned());
+        let mut inputs = self.provenance.inputs_sha256.clone();
+        inputs.remove("plan");
+        if !inputs.is_empty() {
+            let each = |length: usize| {
+                let inputs = inputs.iter().map(|(name, hash)| {
+                    let hash: String = hash.chars().take(length).collect();
+                    format!("{name} {hash}")
+                });
+                inputs.collect::<Vec<_>>().join(", ")
+            };
+            let [identity, shown] = [usize::MAX, 12].map(each);
+            (self.answers).insert(Aspect::Inputs, Answer { identity, shown });
+        }
         let mut sorted = self.plans.clone();
         sorted.sort_unstable();
         let [identity, shown] = [&sorted, &self.plans].map(|names| names.join(", "));

@@ -49,7 +49,7 @@ fn under_load(
             passive::linear(chain, &state, compliance_rad_per_nm, (q0, &load))
         }
         Method::Nonlinear if has_passive_joints => {
-            passive::nonlinear(chain, tool, compliance_rad_per_nm, (q0, &load), &state)?
+            return passive::nonlinear(chain, tool, compliance_rad_per_nm, pose, &state);
         }
         Method::Linear | Method::Nonlinear => DVector::from_fn(q0.len(), |joint, _| {
             q0[joint] - compliance_rad_per_nm[joint] * state.load_torque(joint, &load)
@@ -104,14 +104,12 @@ pub fn compensate_arm(
 /// compensation, and not against the load, which is what the joints are commanded back by.
 pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) -> DMatrix<f64> {
     let sizes = vec![1.0; parameters.len()];
-    if pose.load_axes.is_some() {
+    if pose.load_axes.is_some() || belief.nominal.chain.elements.has_springs() {
         let arm = belief.arm();
         if let Ok(set) = ParameterSet::compliances(&arm, parameters) {
             let tool = arm.tools.len() - 1;
-            return uncompensated_rows(
-                PlannedReadings::at_test_pose(&arm, tool, &set, &sizes),
-                pose,
-            );
+            let model = PlannedReadings::at_test_pose(&arm, tool, &set, &sizes);
+            return uncompensated_rows(model, pose);
         }
     }
     let arm = belief.arm_with(&belief.machining_tool);
@@ -122,7 +120,7 @@ pub fn test_pose_matrix(belief: &Belief, pose: &TestPose, parameters: &[usize]) 
 /// The same for all unknowns of a belief, 3 x p: what compensation leaves at a test pose follows from their
 /// errors by these rows (eq. 19, extended).
 pub fn test_pose_rows(belief: &Belief, pose: &TestPose) -> DMatrix<f64> {
-    if belief.uncertain.is_plain() {
+    if belief.uncertain.has_closed_forms() {
         return test_pose_matrix(belief, pose, &belief.parameters);
     }
     let sizes = vec![1.0; belief.unknowns()];

@@ -6,6 +6,7 @@ use crate::robot::{
     EquilibriumError, EquilibriumSolver, KinematicState, Load, SerialChain, Tool, commands_for,
     made_up, rotation_vector,
 };
+use crate::task::TestPose;
 
 /// Newton's method needs three or four steps.
 const MAXIMUM_ITERATIONS: usize = 30;
@@ -32,24 +33,32 @@ pub(super) fn linear(
     command
 }
 
-/// The commands with which the loaded tool rests where the unloaded one does at the pose's own.
+/// The commands with which the loaded tool rests where the unloaded one does at the pose's own, and the load there: one that is given
+/// in the tool's frame turns with what the commanded joints cannot make up for.
 pub(super) fn nonlinear(
     chain: &SerialChain,
     tool: &Tool,
     compliance: &[f64],
-    (q0, load): (&DVector<f64>, &Load),
+    pose: &TestPose,
     unloaded: &KinematicState,
-) -> Result<DVector<f64>, EquilibriumError> {
+) -> Result<(DVector<f64>, Load), EquilibriumError> {
     let mut arm = chain.at(tool);
     let mut solver = EquilibriumSolver::new(chain.len());
     let (wanted_m, wanted_axes) = (unloaded.tool_position, unloaded.tool_rotation);
-    let mut command = linear(chain, unloaded, compliance, (q0, load));
+    let mut load = pose.load_at(&wanted_axes);
+    let mut command = linear(
+        chain,
+        unloaded,
+        compliance,
+        (&pose.configuration_rad, &load),
+    );
     let commanded: Vec<usize> = chain.commanded().collect();
     let mut response = DMatrix::zeros(chain.len(), 6);
     for _ in 0..MAXIMUM_ITERATIONS {
-        solver.solve(&mut arm, compliance, command.as_slice(), load)?;
+        solver.solve(&mut arm, compliance, command.as_slice(), &load)?;
         solver.response(compliance, None, &mut response);
         let state = solver.state();
+        load = pose.load_at(&state.tool_rotation);
         let apart_m = wanted_m - state.tool_position;
         let turned = rotation_vector(&(wanted_axes * state.tool_rotation.transpose()));
         let motion = Vector6::new(
@@ -64,5 +73,5 @@ pub(super) fn nonlinear(
             break;
         }
     }
-    Ok(command)
+    Ok((command, load))
 }

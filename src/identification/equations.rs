@@ -35,10 +35,10 @@ impl Case<'_> {
     }
 
     /// What is read as the model has it at nominal values of the unknowns, to first order in compliance: eq. 3 or 7 at the commanded
-    /// configurations. Where springs brace the arm, it holds near the nominal compliances.
+    /// configurations.
     pub(super) fn predicted_linearly(&self) -> PredictedRows {
         let belief = self.belief;
-        if !belief.uncertain.is_plain() {
+        if !belief.uncertain.has_closed_forms() {
             let planned = |model: &mut ObservationModel<'_>, _, setup: &_, kind, rows: &mut _| {
                 Ok::<_, Infallible>(model.predict_as_planned(None, setup, kind, rows))
             };
@@ -53,11 +53,10 @@ impl Case<'_> {
         let mut predicted = PredictedRows::new(self, belief.parameters.len());
         for each in self.measurements {
             arm.update(each.configuration_rad.as_slice(), &mut state);
-            let [moved, turned] = state.brace_under(compliance, &each.load);
             let observed = ObservationMatrix::new(&state, &each.load, &belief.parameters);
             let by_all = ObservationMatrix::new(&state, &each.load, &all);
-            let moved = moved + &by_all.position * &known;
-            let turned = || turned + &by_all.rotation * &known;
+            let moved = &by_all.position * &known;
+            let turned = || &by_all.rotation * &known;
             let by = [&observed.position, &observed.rotation];
             predicted.push(each, by, moved, turned);
         }

@@ -75,94 +75,46 @@ impl ComplianceColumns {
     }
 }
 
-/// An arm's deflections, and rotations beside them, to first order in compliance. Arms may have springs beside the
-/// joints' own.
+/// An arm's deflections, and rotations beside them, to first order in compliance. The arm has no springs beside the joints' own.
 #[derive(Debug, Clone)]
-pub struct ComplianceRows<'a> {
-    arm: BareArm<'a>,
+pub struct ComplianceRows {
     columns: ComplianceColumns,
     sizes: Vec<f64>,
-    /// The arm's geometry where springs beside the joints' own brace it, see [`KinematicState::brace`].
-    braced: Option<Box<KinematicState>>,
     /// Room for what changes of the Jacobian's columns are worth.
     worth: Vec<ColumnWorth>,
 }
 
-impl<'a> ComplianceRows<'a> {
-    /// The compliances of some of the arm's joints. Derivatives are in units of their `sizes` (p).
+impl ComplianceRows {
+    /// The compliances of some joints, by their places among all of an arm. Derivatives are in units of their `sizes` (p).
     pub fn new(
-        arm: BareArm<'a>,
+        all: usize,
         joints: &[usize],
         sizes: &[f64],
         precision: DeflectionPrecision,
     ) -> Self {
         Self {
-            worth: vec![ColumnWorth::default(); arm.chain.len()],
-            arm,
+            worth: vec![ColumnWorth::default(); all],
             columns: ComplianceColumns::new(joints, sizes, precision),
             sizes: sizes.to_vec(),
-            braced: None,
         }
-    }
-
-    /// Moves to where the arm has this geometry.
-    pub fn stand(&mut self, state: &KinematicState) {
-        let mobility = state.mobility(self.arm.compliance_rad_per_nm);
-        self.braced = mobility.map(|mobility| {
-            let mut braced = state.clone();
-            braced.brace(&mobility);
-            Box::new(braced)
-        });
-    }
-
-    /// Whether [`Self::pull_back`] has the derivatives: not of an arm that springs brace.
-    pub const fn has_gradient(&self) -> bool {
-        self.braced.is_none()
-    }
-
-    /// The state whose Jacobian tells what the tool is moved by.
-    pub fn seen<'s>(&'s self, state: &'s KinematicState) -> &'s KinematicState {
-        self.braced.as_deref().unwrap_or(state)
     }
 
     /// Writes the derivatives of a reading (6 x p), position above rotation: the columns of A (eqs. 4 and 8).
     pub fn derivatives(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix6xX<f64>) {
-        let seen = self.seen(state);
-        let torque = |joint: usize| seen.load_torque(joint, load);
-        self.write_columns(seen, &torque, matrix);
-    }
-
-    /// Writes the derivatives of what is left at the loaded tool where the nominal deflection is compensated (3 x p):
-    /// the joints are commanded back by k tau with the load's own torques tau, whatever springs brace the arm, which
-    /// then gives way to what is wrong of it.
-    pub fn uncompensated(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        let mut six = Matrix6xX::zeros(matrix.ncols());
-        let torque = |joint: usize| state.load_torque(joint, load);
-        self.write_columns(self.seen(state), &torque, &mut six);
-        matrix.copy_from(&six.fixed_rows::<3>(0));
-    }
-
-    fn write_columns(
-        &self,
-        seen: &KinematicState,
-        torque: &dyn Fn(usize) -> f64,
-        matrix: &mut Matrix6xX<f64>,
-    ) {
         for (index, (&joint, size)) in self.columns.joints.iter().zip(&self.sizes).enumerate() {
-            let angle = torque(joint) * size;
+            let angle = state.load_torque(joint, load) * size;
             let mut column = matrix.column_mut(index);
             column
                 .fixed_rows_mut::<3>(0)
-                .copy_from(&(seen.position_column(joint) * angle));
+                .copy_from(&(state.position_column(joint) * angle));
             column
                 .fixed_rows_mut::<3>(3)
-                .copy_from(&(seen.rotation_column(joint) * angle));
+                .copy_from(&(state.rotation_column(joint) * angle));
         }
     }
 
     /// Writes the derivatives of the whitened reading: 3 x p for positions, and 3 x p for rotations beside them.
     pub fn observe(&self, state: &KinematicState, load: &Load, matrix: &mut Matrix3xX<f64>) {
-        let state = self.seen(state);
         for (index, &joint) in self.columns.joints.iter().enumerate() {
             let torque = state.load_torque(joint, load);
             let column = state.position_column(joint);
@@ -226,7 +178,7 @@ impl<'a> ComplianceRows<'a> {
 
     /// The derivative of sum(B * A) with respect to the force F, whatever that is.
     pub fn force_gradient(&self, state: &KinematicState, factor: &Matrix3xX<f64>) -> Vector3<f64> {
-        let (state, columns) = (self.seen(state), &self.columns);
+        let columns = &self.columns;
         (columns.joints.iter().enumerate())
             .map(|(index, &joint)| {
                 let column = state.position_column(joint);

@@ -60,7 +60,7 @@ pub struct PlannedReadings<'a> {
 #[derive(Debug, Clone)]
 enum PlannedRows<'a> {
     /// Of compliances alone, where only the instrument's noise disturbs: in closed form, with gradients.
-    Compliances(Box<ComplianceRows<'a>>),
+    Compliances(Box<ComplianceRows>),
     /// Of any parameters.
     Any(Box<ObservedRows<'a>>, Option<Box<ClosedGradient<'a>>>),
 }
@@ -109,7 +109,7 @@ impl<'a> PlannedReadings<'a> {
         sizes: &[f64],
         precision: DeflectionPrecision,
     ) -> Self {
-        let rows = ComplianceRows::new(arm, joints, sizes, precision);
+        let rows = ComplianceRows::new(arm.chain.len(), joints, sizes, precision);
         let rows = PlannedRows::Compliances(Box::new(rows));
         Self::of(arm, sizes.len(), precision, rows)
     }
@@ -211,9 +211,8 @@ impl<'a> PlannedReadings<'a> {
         let BareArm { chain, tool, .. } = self.arm;
         self.q.copy_from_slice(q);
         chain.at(tool).update(q, &mut self.state);
-        match &mut self.rows {
-            PlannedRows::Compliances(model) => model.stand(&self.state),
-            PlannedRows::Any(model, _) => model.move_to(q),
+        if let PlannedRows::Any(model, _) = &mut self.rows {
+            model.move_to(q);
         }
     }
 
@@ -224,9 +223,6 @@ impl<'a> PlannedReadings<'a> {
 
     /// The same with the springs beside the joints' own at work, see [`KinematicState::brace`].
     pub fn seen(&self) -> Cow<'_, KinematicState> {
-        if let PlannedRows::Compliances(model) = &self.rows {
-            return Cow::Borrowed(model.seen(&self.state));
-        }
         let mobility = self.state.mobility(self.arm.compliance_rad_per_nm);
         mobility.map_or(Cow::Borrowed(&self.state), |mobility| {
             let mut state = self.state.clone();
@@ -250,7 +246,11 @@ impl<'a> PlannedReadings<'a> {
     /// compensated, has. For compliances it is the matrix of a test pose (eq. 23).
     pub fn uncompensated(&self, load: &Load, matrix: &mut Matrix3xX<f64>) {
         match &self.rows {
-            PlannedRows::Compliances(model) => model.uncompensated(&self.state, load, matrix),
+            PlannedRows::Compliances(model) => {
+                let mut six = Matrix6xX::zeros(matrix.ncols());
+                model.derivatives(&self.state, load, &mut six);
+                matrix.copy_from(&six.fixed_rows::<3>(0));
+            }
             PlannedRows::Any(model, _) => model.uncompensated(load, matrix),
         }
     }
@@ -470,9 +470,7 @@ impl<'a> PlannedReadings<'a> {
     /// to `gradient` (n). `factor` is that with respect to A, A times a symmetric matrix.
     pub fn pull_back(&mut self, load: &Load, factor: &Matrix3xX<f64>, gradient: &mut [f64]) {
         let of_all = self.shown.of_factor(factor);
-        if let PlannedRows::Compliances(model) = &mut self.rows
-            && model.has_gradient()
-        {
+        if let PlannedRows::Compliances(model) = &mut self.rows {
             model.pull_back(&self.state, load, &of_all, gradient);
         } else if self.closed_gradient(load, factor, gradient).is_none() {
             self.add_differences(load, factor, gradient);

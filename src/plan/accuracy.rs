@@ -29,7 +29,7 @@ impl<'a> ExperimentModel<'a> {
             arm: belief.arm_with(&belief.calibration_tool),
             parameters: &belief.parameters,
             precision: belief.instrument.precision(),
-            uncertain: Some(&belief.uncertain).filter(|each| !each.is_plain()),
+            uncertain: Some(&belief.uncertain).filter(|each| !each.has_closed_forms()),
         }
     }
 

@@ -79,8 +79,9 @@ impl<'a> Deviations<'a> {
             .collect();
         let extended = &belief.uncertain;
         let has_laws = !truth.robot.torque_laws.is_empty();
-        let is_plain =
-            extended.is_plain() && truth.uncertainties.is_empty() && truth.kept().is_empty();
+        let is_plain = extended.has_closed_forms()
+            && truth.uncertainties.is_empty()
+            && truth.kept().is_empty();
         let unknowns = (joints.iter())
             .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
             .chain(foreign_kinds.iter().map(|&kind| (kind, Some(1.0))));

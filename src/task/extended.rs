@@ -337,7 +337,13 @@ impl Extended {
         Ok((noise_only.resting_on(self.unloaded)).shown_in_steps(self.along_step_m))
     }
 
-    /// Whether compliances alone are unknown, and only the noise of each deflection is uncertain, so that closed forms hold.
+    /// Whether closed forms hold: compliances alone are unknown, only the noise of each deflection is uncertain, and no spring moves where
+    /// the unloaded arm rests with them.
+    pub fn has_closed_forms(&self) -> bool {
+        self.is_plain() && !self.arm.chain.elements.has_springs()
+    }
+
+    /// Whether compliances alone are unknown, and only the noise of each deflection is uncertain.
     pub const fn is_plain(&self) -> bool {
         self.further.is_empty()
             && self.is_certain()

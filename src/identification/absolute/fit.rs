@@ -133,9 +133,9 @@ impl<'a> AbsoluteCase<'a> {
         start: &[RejectedReading],
         are_given: bool,
     ) -> AbsoluteResult<KeptFit<'a>> {
-        let mut set = free.clone();
+        let (mut set, mut near) = (free.clone(), None);
         loop {
-            let mut found = self.fit_without(start, &set, weights, None)?;
+            let mut found = self.fit_without(start, &set, weights, near.as_ref())?;
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
@@ -149,7 +149,7 @@ impl<'a> AbsoluteCase<'a> {
             let Some(other) = other else {
                 return Ok(found);
             };
-            set = other;
+            (set, near) = (other, Some(first));
         }
     }
 
@@ -247,12 +247,17 @@ impl<'a> AbsoluteCase<'a> {
         near: Option<&ParameterFit>,
     ) -> AbsoluteResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
+        let start = near.map(|fit| case.rebased(fit));
         let readings = case.fitted_readings(set);
+        let fitted = |haste| match &start {
+            Some(values) => readings.fit_from(values, haste),
+            None => readings.fit_from_frames(haste),
+        };
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
+            ReadingWeights::Own => Some(fitted(Haste::Residuals)?),
             ReadingWeights::AsNeeded => {
-                match readings.fit_from_frames(Haste::Plausibility) {
+                match fitted(Haste::Plausibility) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,

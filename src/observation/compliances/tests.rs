@@ -2,9 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 
-use crate::observation::planned::tests::{
-    DEFLECTIONS, ROTATIONS, arms, configuration, load, with_a_spring,
-};
+use crate::observation::planned::tests::{DEFLECTIONS, ROTATIONS, arms, configuration, load};
 use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
 use crate::parameter::arms::Numbers;
 use crate::parameter::{ElasticArm, ParameterSet};
@@ -102,31 +100,6 @@ fn rows_are_those_of_the_observation_model() {
         for precision in [DEFLECTIONS, ROTATIONS] {
             let (q, load) = (configuration(numbers, &arm), load(numbers, true));
             compare(numbers, (&arm, &q), &load, precision, 1e-7);
-        }
-    }
-}
-
-/// A spring that the joints' own are not much stiffer than, in a world where nothing bends far: the torque that is
-/// compensated is the load's own, and not what is left of it beside the spring.
-#[test]
-fn rows_of_braced_arms_are_those_of_the_observation_model() {
-    const STIFFER: f64 = 1e4;
-    let numbers = &mut Numbers(62);
-    for precision in [DEFLECTIONS, ROTATIONS] {
-        for _ in 0..5 {
-            let (mut arm, _) = with_a_spring(numbers);
-            let q = configuration(numbers, &arm);
-            arm.chain.gravity_m_s2 = Vector3::zeros();
-            for compliance in &mut arm.compliance_rad_per_nm {
-                *compliance /= STIFFER;
-            }
-            let state = arm.chain.at(&arm.tools[0]).state(&q);
-            let length_m = arm.chain.elements.length_m(0, &state);
-            let spring = &mut arm.chain.elements.springs[0];
-            spring.stiffness_n_per_m *= 30.0 * STIFFER;
-            spring.rest_m = [length_m; 2];
-            let load = load(numbers, true);
-            compare(numbers, (&arm, &q), &load, precision, 1e-3);
         }
     }
 }

@@ -93,6 +93,11 @@ impl<'a> Problem<'a> {
         Self::considering(None, task, criterion)
     }
 
+    /// The same with all that is uncertain, be it little.
+    pub fn of_all(task: &'a Task, criterion: Criterion) -> Self {
+        Self::considering(Some((0..task.belief.unknowns()).collect()), task, criterion)
+    }
+
     /// The same with these unknowns considered, or those that matter for random plans.
     fn considering(considered: Option<Vec<usize>>, task: &'a Task, criterion: Criterion) -> Self {
         let mut problem = Self::shown_by(considered, task, criterion, &|problem| {
@@ -214,11 +219,13 @@ impl<'a> Problem<'a> {
         criterion: Criterion,
         parameters: &[usize],
     ) -> Self {
-        let extended = match criterion {
-            Criterion::TestPose => Some(&task.belief.uncertain).filter(|each| !each.is_plain()),
+        let counts_extended = match criterion {
+            Criterion::TestPose => true,
             // The criteria of Table 1 are about the instrument's noise alone.
-            _ => None,
+            _ => task.belief.uncertain.is_plain(),
         };
+        let extended =
+            Some(&task.belief.uncertain).filter(|each| counts_extended && !each.has_closed_forms());
         let ranges = ranges_of(&task.region);
         let mut considered = considered.unwrap_or_default();
         let (sizes, test_poses, prior) = if let Some(extended) = extended {
