@@ -5,7 +5,7 @@ use std::path::Path;
 use ::csv::{ReaderBuilder, StringRecord, Trim};
 
 use super::dialect::{delimiter_of_header, delimiter_of_separator_line};
-use super::{content_lines, encoding, wrong_table};
+use super::{content_lines, encoding, is_comment, numbered, wrong_table};
 use crate::files::FileError;
 use crate::quantities::limits::MOST_MEASUREMENTS;
 
@@ -52,6 +52,7 @@ impl Fields {
         }
         let columns: Vec<String> = columns.iter().map(str::to_owned).collect();
         let checked = check(header_line, &columns)?;
+        refuse_hidden_row(path, delimiter, &text, (header_line, columns.len()))?;
         let mut rows = Vec::new();
         for (line, text) in lines {
             let mut fields = split(line, text)?;
@@ -92,6 +93,33 @@ impl Fields {
         };
         Ok((fields, checked))
     }
+}
+
+/// Refuses a row that is a comment only since its first field is what a spreadsheet writes for an error, such as #N/A or #VALUE!.
+fn refuse_hidden_row(
+    path: &Path,
+    delimiter: u8,
+    text: &str,
+    (header_line, columns): (usize, usize),
+) -> Result<(), FileError> {
+    let below = numbered(text).filter(|(line, text)| *line > header_line && is_comment(text));
+    for (line, text) in below {
+        let Ok(fields) = split(path, delimiter, text) else {
+            continue;
+        };
+        let first = fields.get(0).unwrap_or_default();
+        let is_word = first.starts_with('#') && first[1..].starts_with(char::is_uppercase);
+        let begins =
+            |field: &str| field.starts_with(|sign: char| sign.is_ascii_digit() || sign == '-');
+        if is_word && fields.len() == columns && fields.iter().skip(1).any(begins) {
+            let problem = format!("found {first:?}, as spreadsheets write errors; a number");
+            let hint = "a comment begins with # and a space; a row without a number must go";
+            return Err(wrong_table(path, problem)
+                .at(format!("line {line}"))
+                .hint(hint));
+        }
+    }
+    Ok(())
 }
 
 fn split(path: &Path, delimiter: u8, line: &str) -> Result<StringRecord, FileError> {

@@ -334,11 +334,16 @@ impl<'a> IdentifiedRobot<'a> {
         let places: Vec<(Tool, &Tool)> = places
             .filter_map(|(name, found)| Some((SerialChain::tool(model, name).ok()?, found)))
             .collect();
+        let sites = model.named_sites().into_iter();
+        let sites: Vec<Tool> = sites
+            .filter_map(|(name, _)| SerialChain::tool(model, &name).ok())
+            .collect();
         let nearest = |(own, found): &(Tool, &Tool)| {
             let place = found.link_from_tool.translation.vector;
             let away_m = |tool: &Tool| (place - tool.link_from_tool.translation.vector).norm();
-            let others = (places.iter()).filter(|(tool, _)| tool.joints == own.joints);
-            let others = others.map(|(tool, _)| (away_m(tool), &tool.name));
+            let others = sites.iter().filter(|tool| tool.joints == own.joints);
+            let others = others.filter(|tool| tool.name != own.name);
+            let others = others.map(|tool| (away_m(tool), &tool.name));
             let (other_m, other) = others.min_by(|one, other| one.0.total_cmp(&other.0))?;
             let is_other = away_m(own) > MOUNTED_M && other_m < EXCHANGED * away_m(own);
             is_other.then(|| {

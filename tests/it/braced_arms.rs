@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rand::RngExt;
 
 use crate::recovery::of_compliances;
-use crate::support::{scenario, six_rows};
+use crate::support::{Workplace, number, project, scenario, scenario_text, six_rows};
 
 /// A KR-270 whose compensator is stiff enough to share joint 2's load, and with a spring in joint 3.
 fn stiffly_braced() -> Scenario {
@@ -262,4 +262,27 @@ fn linear_identification_knows_the_springs() {
     }
     let whole = DMatrix::from_diagonal_element(2, 2, 1.0);
     assert_eq!(found.posterior.estimable.basis(), &whole);
+}
+
+/// The unloaded arm rests elsewhere with other compliances where springs pull at it. Plans count that under the instrument's noise
+/// alone as they do beside a source that makes nothing.
+#[test]
+fn noise_alone_is_predicted_as_beside_a_source_of_nothing() {
+    const NOTHING: &str = "\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 1e-9\n";
+    let place = Workplace::new();
+    let text = scenario_text("kr270_compensator");
+    let list = text.find("[[uncertainty]]").unwrap_or(text.len());
+    let noise = text[..list].to_owned();
+    place.write("noise.toml", &noise);
+    place.write("nothing.toml", noise + NOTHING);
+    let plan = project("scenarios/plans/klimchik2012_m12.csv");
+    let found = ["noise", "nothing"].map(|name| {
+        let command = format!(
+            "evaluate {name}.toml --plan {} --no-proof --json --quiet",
+            plan.display()
+        );
+        place.run(&command).json()
+    });
+    let [noise, nothing] = found.each_ref().map(|each| number(&each["rho0_mm"]));
+    assert!((noise / nothing - 1.0).abs() < 1e-6, "{noise} {nothing}");
 }

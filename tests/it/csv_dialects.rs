@@ -235,3 +235,18 @@ fn errors_name_the_line_of_the_file() {
         .to_string();
     assert!(error.contains("line 2: found [\"sx_mm\"]"), "{error}");
 }
+
+/// A row is no comment since its first field is what a spreadsheet writes for an error; one with a # before its numbers is.
+#[test]
+fn rows_that_begin_with_a_spreadsheets_error_are_refused() {
+    let workplace = Workplace::new();
+    let path = workplace.path("file.csv");
+    let begun = |word: &str| MEASUREMENTS.replace("\n10,", &format!("\n{word},"));
+    for word in ["#N/A", "\"#N/A\"", "#VALUE!", "#BEZUG!"] {
+        workplace.write("file.csv", begun(word));
+        let error = read_measurements(&path, 3).expect_err(word).to_string();
+        assert!(error.contains("line 4: found \"#"), "{word}: {error}");
+    }
+    workplace.write("file.csv", begun("#10"));
+    assert_eq!(read_measurements(&path, 3).expect("a comment").len(), 1);
+}

@@ -9,7 +9,7 @@ use crate::support::{Workplace, error_message, scenario_text};
 /// error says.
 #[test]
 fn answers_to_other_questions_are_refused_or_named() {
-    let cases: [(&str, &str, Value, &str, &str); 8] = [
+    let cases: [(&str, &str, Value, &str, &str); 10] = [
         (
             RUN,
             "/provenance/scenario_sha256",
@@ -31,6 +31,20 @@ fn answers_to_other_questions_are_refused_or_named() {
             json!("mine"),
             "plans",
             "optimal, mine, random, not optimal, klimchik2012_m3, random",
+        ),
+        (
+            RUN,
+            "/provenance/noise_only",
+            json!(true),
+            "errors",
+            "errors (noise alone, not those of the scenario)",
+        ),
+        (
+            RUN,
+            "/provenance/inputs_sha256",
+            json!({"test_poses": "0123456789abcdef", "plan": "0"}),
+            "inputs",
+            "inputs (test_poses 0123456789ab, not none)",
         ),
         (
             STUDY,

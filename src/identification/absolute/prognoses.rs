@@ -5,6 +5,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::FitResult;
 use super::super::discrepancy::three_rows;
+use super::joint_errors::LocalRows;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
@@ -13,6 +14,9 @@ use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 const MOVED: f64 = 1e-6;
 /// What is known of a new frame before its readings: the variance of each parameter, in typical sizes.
 const ANEW: f64 = 1e4;
+
+/// What frames take up whole keeps so small a share of its variance, for rounding.
+const TAKEN_UP: f64 = 1e-9;
 
 /// How far the base of a station stands from where it was identified.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,29 +58,21 @@ impl AbsoluteCase<'_> {
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let readings = rows.iter().zip(&self.observations);
-        let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = readings
+        let local: Vec<LocalRows> = readings
             .map(|(rows, each)| {
-                discrepancy.prognosis(rows, places, each.setup.commanded_rad.as_slice())
+                discrepancy.local(rows, places, each.setup.commanded_rad.as_slice())
+            })
+            .collect();
+        let each = local.iter();
+        let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = each
+            .map(|local| {
+                let known = discrepancy.by_what_is_known(local);
+                (local.left.clone(), &local.new + known)
             })
             .collect();
         if !anew.is_empty() {
             let frames = self.rows_at(arm, anew, anew.prior().mean.as_slice(), &[])?;
-            let mut information = DMatrix::zeros(anew.len(), anew.len());
-            let mut gradient = DVector::zeros(anew.len());
-            for (rows, (left, covariance)) in frames.iter().zip(&found) {
-                let Some(factor) = Cholesky::new(covariance.clone()) else {
-                    continue;
-                };
-                let weighed = factor.solve(&rows.columns);
-                information += weighed.tr_mul(&rows.columns);
-                gradient += weighed.tr_mul(left);
-            }
-            if let Some(factor) = Cholesky::new(information) {
-                let change = factor.solve(&gradient);
-                for (rows, (left, _)) in frames.iter().zip(&mut found) {
-                    *left -= &rows.columns * &change;
-                }
-            }
+            take_out(&frames, &local, &discrepancy.covariance, &mut found);
         }
         let readings = found.iter().zip(&self.observations);
         Ok(readings
@@ -216,5 +212,136 @@ impl AbsoluteCase<'_> {
             readings_m: (displaced / of_station).sqrt(),
             discrepancy_m: (average / of_station).sqrt(),
         }))
+    }
+}
+
+/// Takes the frames that suit them best out of what readings leave, r, and out of its covariance V = B C B^T + N, with what is known C, and
+/// N new in each:
+///
+/// ```text
+/// x = M^-1 sum F^T V^-1 r,   M = sum F^T V^-1 F,   G = M^-1 sum F^T V^-1 B
+/// r - F x = (B - F G) d + n - F M^-1 sum F^T V^-1 n
+/// ```
+fn take_out(
+    frames: &[LinearReading],
+    local: &[LocalRows],
+    known: &DMatrix<f64>,
+    found: &mut [(DVector<f64>, DMatrix<f64>)],
+) {
+    let own = frames.first().map_or(0, |rows| rows.columns.ncols());
+    let [mut information, mut of_new] = [(); 2].map(|()| DMatrix::<f64>::zeros(own, own));
+    let mut gradient = DVector::zeros(own);
+    let mut of_known = DMatrix::zeros(own, known.nrows());
+    let mut weighed = Vec::new();
+    for ((frame, local), (left, covariance)) in frames.iter().zip(local).zip(&*found) {
+        let factor = Cholesky::new(covariance.clone());
+        let each = factor.map_or_else(
+            || DMatrix::zeros(left.len(), own),
+            |factor| factor.solve(&frame.columns),
+        );
+        information += each.tr_mul(&frame.columns);
+        gradient += each.tr_mul(left);
+        of_new += each.tr_mul(&local.new) * &each;
+        let pulled = each.tr_mul(&local.matrix);
+        for (column, &place) in pulled.column_iter().zip(&local.index) {
+            let mut sum = of_known.column_mut(place);
+            sum += column;
+        }
+        weighed.push(each);
+    }
+    let Some(factor) = Cholesky::new(information) else {
+        return;
+    };
+    let inverse = factor.inverse();
+    let change = &inverse * gradient;
+    let gain = &inverse * of_known;
+    let moved = &gain * known;
+    let spread = &moved * gain.transpose() + &inverse * of_new * &inverse;
+    let each = frames.iter().zip(local).zip(&weighed).zip(found);
+    for (((frame, local), weighed), (left, covariance)) in each {
+        let columns = &frame.columns;
+        *left -= columns * &change;
+        let with_known = moved.select_columns(&local.index) * local.matrix.transpose();
+        let with_new = &inverse * weighed.tr_mul(&local.new);
+        let common = columns * (with_known + with_new);
+        let rounding = DMatrix::from_diagonal(&(covariance.diagonal() * TAKEN_UP));
+        *covariance +=
+            rounding + columns * &spread * columns.transpose() - &common - common.transpose();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::SymmetricEigen;
+    use rand::RngExt;
+
+    use super::*;
+    use crate::numeric::random::generator;
+
+    /// Residuals and covariances without the frames that suit them best are those of the projection of all readings at once.
+    #[test]
+    fn covariances_are_those_of_the_projection() {
+        const READINGS: usize = 5;
+        const KNOWN: usize = 4;
+        const FRAME: usize = 6;
+        let mut random = generator(3, 0);
+        let mut matrix =
+            |rows, columns| DMatrix::from_fn(rows, columns, |_, _| random.random_range(-1.0..1.0));
+        let square = |root: DMatrix<f64>| &root * root.transpose();
+        let known = square(matrix(KNOWN, KNOWN));
+        let (mut frames, mut local) = (Vec::new(), Vec::new());
+        for _ in 0..READINGS {
+            frames.push(LinearReading {
+                residual: DVector::zeros(3),
+                columns: matrix(3, FRAME),
+                joints: DMatrix::zeros(3, 0),
+                own: DMatrix::zeros(3, 3),
+            });
+            local.push(LocalRows {
+                index: (0..KNOWN).collect(),
+                matrix: matrix(3, KNOWN),
+                left: matrix(3, 1).column(0).into_owned(),
+                new: square(matrix(3, 3)) + DMatrix::identity(3, 3) * 0.1,
+            });
+        }
+        let size = 3 * READINGS;
+        let (mut all, mut weights) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+        let (mut of_known, mut of_frame) =
+            (DMatrix::zeros(size, KNOWN), DMatrix::zeros(size, FRAME));
+        let mut left = DVector::zeros(size);
+        for (place, (frame, local)) in frames.iter().zip(&local).enumerate() {
+            of_known.rows_mut(3 * place, 3).copy_from(&local.matrix);
+            of_frame.rows_mut(3 * place, 3).copy_from(&frame.columns);
+            left.rows_mut(3 * place, 3).copy_from(&local.left);
+            all.view_mut((3 * place, 3 * place), (3, 3))
+                .copy_from(&local.new);
+        }
+        all += &of_known * &known * of_known.transpose();
+        let mut found = Vec::new();
+        for (place, local) in local.iter().enumerate() {
+            let own = all.view((3 * place, 3 * place), (3, 3)).into_owned();
+            let inverse = own.clone().try_inverse().expect("regular");
+            weights
+                .view_mut((3 * place, 3 * place), (3, 3))
+                .copy_from(&inverse);
+            found.push((local.left.clone(), own));
+        }
+        take_out(&frames, &local, &known, &mut found);
+        let information = of_frame.tr_mul(&weights) * &of_frame;
+        let solved = information.try_inverse().expect("regular") * of_frame.tr_mul(&weights);
+        let projection = DMatrix::identity(size, size) - &of_frame * solved;
+        let (left, all) = (
+            &projection * left,
+            &projection * all * projection.transpose(),
+        );
+        assert!(SymmetricEigen::new(all.clone()).eigenvalues.min() > -1e-9);
+        for (place, (own, covariance)) in found.iter().enumerate() {
+            let expected = all.view((3 * place, 3 * place), (3, 3));
+            assert!(
+                (covariance - expected).amax() < 1e-7,
+                "{covariance} {expected}"
+            );
+            assert!((own - left.rows(3 * place, 3)).amax() < 1e-9);
+        }
     }
 }
