@@ -5,11 +5,15 @@ use serde_json::{Value, json};
 use crate::gate::{RUN, STUDY, at, compare, evaluated, pair, stored};
 use crate::support::{Workplace, error_message, scenario_text};
 
-/// One edit of the new results that asks another question, the name of the difference, and what the
-/// error says.
-#[test]
-fn answers_to_other_questions_are_refused_or_named() {
-    let cases: [(&str, &str, Value, &str, &str); 10] = [
+/// Of which results an edit asks another question, where, how, the name of the difference, and what the error says.
+fn other_questions() -> [(
+    &'static str,
+    &'static str,
+    Value,
+    &'static str,
+    &'static str,
+); 10] {
+    [
         (
             RUN,
             "/provenance/scenario_sha256",
@@ -74,8 +78,13 @@ fn answers_to_other_questions_are_refused_or_named() {
             "schema,criterion",
             "elastocal.evaluate 1, not elastocal.plan 1",
         ),
-    ];
-    for (file, pointer, value, setting, says) in cases {
+    ]
+}
+
+/// Each is refused, or named where it is allowed.
+#[test]
+fn answers_to_other_questions_are_refused_or_named() {
+    for (file, pointer, value, setting, says) in other_questions() {
         let base = if file == "plan" {
             let mut planned = evaluated();
             planned["schema"]["name"] = json!("elastocal.plan");
