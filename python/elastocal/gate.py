@@ -63,6 +63,10 @@ def judge(asked: argparse.Namespace) -> int:
             print("error: --renew wants the reason why results may change", file=sys.stderr)
             return 2
         return renew(asked, plans)
+    names = {plan.stem for plan in plans}
+    for baseline in sorted(asked.baselines.glob("*.json")):
+        if baseline.stem not in names:
+            print(f"note: {baseline} has no plan at {' '.join(asked.plans)}", file=sys.stderr)
     verdicts = [judged(asked, plan) for plan in plans]
     for verdict in verdicts:
         print(verdict.summary)
@@ -122,7 +126,10 @@ def judged(asked: argparse.Namespace, plan: Path) -> Verdict:
             raise ec.ElastocalError(f"{baseline} is not there", "--renew REASON makes it from the results of today")
         comparison, summary = compared(baseline, found)
     except ec.ElastocalError as error:
-        problem = str(error) + (f"; {error.hint}" if error.hint else "")
+        hint = error.hint
+        if hint and "allow_different" in hint:
+            hint = "--renew REASON makes the results of today the baseline"
+        problem = str(error) + (f"; {hint}" if hint else "")
         return Verdict(plan, 1, [problem], f"{title}Not judged: {problem}\n")
     broken = [told(change) for change in comparison["changes"] if not change["ok"]]
     return Verdict(plan, 3 if broken else 0, broken, title + summary, comparison)

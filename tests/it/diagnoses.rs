@@ -134,6 +134,11 @@ fn mistakes() -> Vec<(Spoil, &'static str, &'static str)> {
             "in m instead of mm? Multiply dx_mm, dy_mm, dz_mm by 1000.",
         ),
         (
+            |_, each| each.deflection_m /= 25.4,
+            "deflection_unit",
+            "in inches instead of mm? Multiply dx_mm, dy_mm, dz_mm by 25.4.",
+        ),
+        (
             |_, each| each.deflection_m *= 1e3,
             "deflection_unit",
             "in um instead of mm? Multiply dx_mm, dy_mm, dz_mm by 0.001.",

@@ -307,7 +307,7 @@ pub(super) fn of_deflections(rows: RowKinds) -> [Vec<InputError>; 5] {
         (0.001, "1000 times too large, in mN or g"),
     ];
     let parts = rows.parts().iter();
-    let units = [(1000.0, "m"), (0.001, "um")];
+    let units = [(1000.0, "m"), (25.4, "inches"), (0.001, "um")];
     let mut in_tool = vec![in_tool_frame(
         "loads",
         "loads_in_tool_frame",
