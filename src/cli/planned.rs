@@ -194,7 +194,7 @@ impl PlanArgs {
                 plan: plan.unwrap_or("plan.csv".as_ref()),
                 parameters: &self.readings.parameters,
             };
-            let page = absolute_page(&page, record, trials, None)?;
+            let page = absolute_page(&page, record, trials, None);
             report.save(path, &page);
         }
         Ok(report)

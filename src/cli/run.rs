@@ -9,9 +9,7 @@ use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::shell_path;
 use crate::view::card::Card;
 use crate::view::recording::{CarriedOutPlan, Recording};
-use crate::view::report::{
-    PlanPage, PlotError, absolute_page, readings_cards, run_cards, run_page,
-};
+use crate::view::report::{PlanPage, absolute_page, readings_cards, run_cards, run_page};
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
@@ -49,7 +47,7 @@ pub struct Run {
 const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
 
 /// Makes the page of a loop.
-type PageOf<'a> = Box<dyn Fn(&PlanPage<'_>) -> Result<String, PlotError> + 'a>;
+type PageOf<'a> = Box<dyn Fn(&PlanPage<'_>) -> String + 'a>;
 
 /// What a loop comes to, whatever was measured.
 struct Looped<'a> {
@@ -89,7 +87,7 @@ impl Run {
             command: &command_line(),
             plan: &plan,
             parameters: &self.readings.parameters,
-        })?;
+        });
         let written = &mut report.written;
         written.note(&plan, looped.planned.write(&scenario.task, &plan));
         let origin = scenario

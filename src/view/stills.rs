@@ -257,12 +257,10 @@ impl<'a> Stills<'a> {
                 painter.add(&mesh, part.rgba);
             }
         }
+        let picture = painter.picture();
         let _ = write!(
             svg,
-            "<g clip-path=\"url(#still)\"><use href=\"#floor\"/>\
-             <g transform=\"scale(.1)\" fill=\"currentColor\" stroke=\"currentColor\" stroke-width=\"5\" \
-             stroke-linejoin=\"round\">{}</g>",
-            painter.paint()
+            "<g clip-path=\"url(#still)\"><use href=\"#floor\"/>{picture}"
         );
         let [x, y, _] = camera.see(&scene.read);
         let is_gauge = scene.sight.is_some_and(|sight| sight.is_gauge());
@@ -483,7 +481,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_boxes_the_nearer_is_painted_last() {
+    fn of_two_boxes_the_nearer_is_seen() {
         // Seen from -y, with the farther one larger.
         let cuboid = |y: f64| {
             let pose = nalgebra::Isometry3::translation(0.0, y, 0.0);
@@ -492,20 +490,20 @@ mod tests {
         let colours = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 1.0]];
         let boxes = [cuboid(-1.0), cuboid(1.0)];
         let points = boxes.each_ref().map(|each| each.vertices.clone()).concat();
-        let camera = Camera::new(-90_f64.to_radians(), 0.0).framing(&points, 100.0);
+        let camera = Camera::new(-90_f64.to_radians(), 0.0, &points, 100.0);
         for order in [[0, 1], [1, 0]] {
             let mut painter = Painter::new(&camera);
             for index in order {
                 painter.add(&boxes[index], colours[index]);
             }
-            let svg = painter.paint();
-            let painted: Vec<_> = svg
-                .split("color=\"#")
-                .skip(1)
-                .map(|path| &path[..2])
-                .collect();
-            assert_eq!(painted.len(), 2);
-            assert!(painted[0] == "00" && painted[1] != "00", "{svg}");
+            let count = |channel: usize| {
+                let samples = painter.pixels.chunks(4);
+                samples.filter(|sample| sample[channel] > 0).count() as f64
+            };
+            let all = count(3);
+            // Sides of 0.6 and 1.4 m.
+            assert!((count(0) / all / (0.6 / 1.4_f64).powi(2) - 1.0).abs() < 0.02);
+            assert!((count(0) + count(2) - all).abs() < 0.5);
         }
     }
 

@@ -104,7 +104,7 @@ impl Identify {
             return Ok(());
         }
         let title = format!("{}: patterns in the residuals", scenario.name);
-        report.save(path, &patterns_plot(&title, patterns)?);
+        report.save(path, &patterns_plot(&title, patterns));
         Ok(())
     }
 }

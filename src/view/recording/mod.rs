@@ -6,6 +6,7 @@ mod bodies;
 mod record;
 mod steps;
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{DVector, Isometry3, Vector3};
@@ -222,22 +223,22 @@ impl Recording {
         let mut stage = Stage::new(scenario, &links);
         let mut calibrations = Vec::new();
         for plan in plans {
-            let (record, steps) = match plan {
+            let (record, did) = match plan {
                 CarriedOutPlan::Deflections(name, calibration) => {
+                    let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+                    let did = CarriedOut::of_deflections(task, truth, seed, calibration)?;
                     let record = CalibrationMessage::new(belief, name, calibration);
-                    let steps = steps::of_deflections(scenario, calibration, &mut stage)?;
-                    (PlanRecord::Deflections(Box::new(record)), steps)
+                    (PlanRecord::Deflections(Box::new(record)), Cow::Owned(did))
                 }
                 CarriedOutPlan::Readings(record, did) => {
-                    let steps = steps::of_readings(scenario, record, did, &mut stage);
-                    (PlanRecord::Readings(record.clone()), steps)
+                    (PlanRecord::Readings(record.clone()), Cow::Borrowed(did))
                 }
             };
             calibrations.push(RecordedCalibration {
                 record,
                 commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
-                steps,
+                steps: stage.steps(&did),
             });
         }
         for tool in [ShownTool::Calibration, ShownTool::Machining] {

@@ -4,16 +4,15 @@ use super::cards::{conditions_card, readings_cards, verdict_card};
 use super::distances::{distances_figure, distances_table, lines};
 use super::overview::next_steps;
 use super::test_poses::test_poses;
-use super::{PlanPage, plan_row, plan_table, provenance, sources};
+use super::{PlanPage, plan_row, plan_table, sources};
 use crate::observation::LengthKind;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::{counted, dash, micrometres, naming, percent};
-use crate::view::card::{Card, heading};
-use crate::view::charts::PlotError;
-use crate::view::markup::{micro_sign, page, paragraph, paragraphs, section};
+use crate::view::card::Card;
+use crate::view::markup::{micro_sign, paragraph, paragraphs, section};
 use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -30,14 +29,8 @@ pub fn absolute_page(
     plan: &AbsolutePlanMessage,
     trials: Option<&RobotTrials>,
     run: Option<&AbsoluteRun<'_>>,
-) -> Result<String, PlotError> {
+) -> String {
     let scenario = shown.scenario;
-    let name = &scenario.name;
-    let [title, tab] = match run {
-        Some(_) => ["Calibration for absolute accuracy", "calibration report"],
-        None => ["Plan of absolute readings", "plan of absolute readings"],
-    };
-    let title = format!("{title}: {name}");
     let mut cards = readings_cards(plan, run);
     if let Some(trials) = trials {
         let is_kept = trials.prediction == Kept::Holds;
@@ -50,10 +43,9 @@ pub fn absolute_page(
         cards.push(Card::new("bad", "Assumed exact", answer, about));
     }
     cards.extend(conditions_card(shown.conditions));
-    let mut body = heading(&title, &scenario.description, cards);
-    if let Some(trials) = trials {
-        body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
-    }
+    let trials =
+        trials.map(|trials| section("trials", "Do virtual robots keep it?", &of_trials(trials)));
+    let mut body = trials.unwrap_or_default();
     let about = "Contributions are what the instrument's noise and each error source leave, rms, to first order; squares add up. \
                  Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
                  disturbs these.";
@@ -62,22 +54,22 @@ pub fn absolute_page(
         let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
         let observed = run.map(|run| (&*run.record.test_poses, "of the nominal robot"));
         let poses = &scenario.task.test_poses;
-        body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed)?;
+        body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed);
     }
     body += &run.map_or_else(String::new, identified);
     body += &next_steps(shown, None);
-    body += &section(
-        "readings",
-        "What to read",
-        &readings(shown, plan, run.is_some()),
-    );
+    let readings = readings(shown, plan, run.is_some());
+    body += &section("readings", "What to read", &readings);
     body += &section("unknowns", "What is found", &unknowns(plan));
-    body += &provenance(shown.provenance, shown.command);
-    Ok(page(&format!("{name}: {tab}"), &body))
+    let titles = match run {
+        Some(_) => ["Calibration for absolute accuracy", "calibration report"],
+        None => ["Plan of absolute readings", "plan of absolute readings"],
+    };
+    shown.page(titles, cards, &body)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
-fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
+fn of_trials(trials: &RobotTrials) -> String {
     let runs = &trials.runs;
     let mut said = trials.outcome();
     if let Some(share) = runs.coverage95 {
@@ -98,7 +90,7 @@ fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
             _ => each.source.clone(),
         });
     let hidden = paragraphs([naming(hidden, "Of this the planner does not know: {}.")]);
-    Ok(paragraph(&said) + &hidden + &distances_figure(&lines, caption)? + &distances_table(&lines))
+    paragraph(&said) + &hidden + &distances_figure(&lines, caption) + &distances_table(&lines)
 }
 
 /// The stills, and the plan as a table.

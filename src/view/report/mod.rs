@@ -17,8 +17,7 @@ mod test_poses;
 
 use std::path::Path;
 
-use super::card::heading;
-pub use super::charts::PlotError;
+use super::card::{Card, heading};
 use super::markup::{cell, escaped, figure, page, paragraph, section, table_of_cells, unbroken};
 use super::tables::{self, RecordTable};
 use crate::codes::Condition;
@@ -31,9 +30,7 @@ use crate::task::{Belief, Instrument};
 use crate::text::wording::{dash, joined, listed, micrometres, naming, number, percent};
 use crate::workflow::run::RunOutcome;
 use distances::{distances_figure, distances_table, lines};
-use figures::{
-    RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
-};
+use figures::{accuracy_figure, compliances_figure, residuals_figure};
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
@@ -64,49 +61,34 @@ const CONTRIBUTIONS: &str = "Contributions are what the noise and each error sou
                              squares add up.";
 
 /// The report of a run as HTML.
-pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PlotError> {
+pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> String {
     let (scenario, evidence) = (shown.scenario, &outcome.evidence);
     let Some(own) = outcome.tried.first() else {
-        return Ok(page("elastocal", ""));
+        return page("elastocal", "");
     };
     let (calibration, assessment) = (&own.record, &own.assessment);
     let cards = run_cards(scenario, outcome, own).into_iter();
     let cards = cards.chain([overview::checks_card(shown, outcome)]);
-    let title = format!("Calibration plan: {}", scenario.name);
-    let mut body = heading(&title, &scenario.description, cards);
-    body += &distances(evidence)?;
+    let mut body = distances(evidence);
     body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
     let poses = &calibration.test_poses;
-    let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
-    let all_mm = assessment.rho0_m.map(|value| value * 1e3);
     if poses.len() > 1 {
+        let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
+        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
         let observed = Some((&**poses, "uncompensated"));
-        body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)?;
+        body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed);
     }
     let belief = &scenario.task.belief;
-    let found = compliances(belief, calibration)?;
-    let left = residuals(&belief.instrument, calibration)?;
+    let found = compliances(belief, calibration);
+    let left = residuals(&belief.instrument, calibration);
     body += &pair(&[
         section("compliances", "Compliances", &found),
         section("residuals", "Standardised residuals", &left),
     ]);
-    body += &section(
-        "plans",
-        "The plans in this run",
-        &tables::tried(&outcome.tried).html(),
-    );
-    let caption = format!(
-        "The bound holds for every plan of as many measurements. Crosses: this plan of {}, measured again as a whole; what its \
-         repeats share they do not average. The searches for other numbers were short; the command budget looks closer.",
-        assessment.experiments
-    );
-    let accuracy = accuracy_figure(
-        (&evidence.accuracy, &evidence.repeated),
-        &evidence.lower_bounds_rho0_mm,
-        assessment.experiments,
-    )?;
-    let accuracy = figure(&accuracy, &caption);
+    let tried = tables::tried(&outcome.tried).html();
+    body += &section("plans", "The plans in this run", &tried);
     let criteria = criteria(&evidence.criteria_compared);
+    let accuracy = accuracy(evidence, assessment.experiments);
     body += &pair(&[
         section("criteria", "The criteria compared", &criteria),
         section("accuracy", "More or fewer measurements", &accuracy),
@@ -115,9 +97,35 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pl
     body += &overview::next_steps(shown, more);
     let configurations = configurations(shown, calibration);
     body += &section("configurations", "What to measure", &configurations);
-    body += &provenance(shown.provenance, shown.command);
-    let title = format!("{}: calibration report", scenario.name);
-    Ok(page(&title, &body))
+    shown.page(["Calibration plan", "calibration report"], cards, &body)
+}
+
+impl PlanPage<'_> {
+    /// With these sections: its title and what stands on a browser's tab, of the scenario, and its cards.
+    fn page(
+        &self,
+        titles: [&str; 2],
+        cards: impl IntoIterator<Item = Card>,
+        sections: &str,
+    ) -> String {
+        let [title, tab] = titles;
+        let (name, lead) = (&self.scenario.name, &self.scenario.description);
+        let body = heading(&format!("{title}: {name}"), lead, cards)
+            + sections
+            + &provenance(self.provenance, self.command);
+        page(&format!("{name}: {tab}"), &body)
+    }
+}
+
+/// The accuracy of more and of fewer measurements than these.
+fn accuracy(evidence: &EvidenceMessage, experiments: u32) -> String {
+    let caption = format!(
+        "The bound holds for every plan of as many measurements. Crosses: this plan of {experiments}, measured again as a whole; what its \
+         repeats share they do not average. The searches for other numbers were short; the command budget looks closer."
+    );
+    let points = (&*evidence.accuracy, &*evidence.repeated);
+    let svg = accuracy_figure(points, &evidence.lower_bounds_rho0_mm, experiments);
+    figure(&svg, &caption)
 }
 
 /// What comes several times, once.
@@ -137,7 +145,7 @@ fn pair(sections: &[String; 2]) -> String {
 }
 
 /// Many runs of every plan, the designed one first.
-fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
+fn distances(evidence: &EvidenceMessage) -> String {
     // Random plans come last.
     let lines = lines(&evidence.study, |place, _| {
         place + 1 == evidence.study.len()
@@ -147,8 +155,8 @@ fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
          feasible plan in every run. Each area is the distribution of the residual error; the vertical line is the mean.",
         evidence.trials
     );
-    let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
-    Ok(section("distances", DISTANCES, &body))
+    let body = distances_figure(&lines, &caption) + &distances_table(&lines);
+    section("distances", DISTANCES, &body)
 }
 
 /// The title of the distributions of residual errors.
@@ -159,6 +167,13 @@ fn criteria(plans: &[CriterionPlanMessage]) -> String {
     let best = plans.first().and_then(|plan| plan.rho0_mm);
     let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
     let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
+    let name = |plan: &CriterionPlanMessage| {
+        let name = |name: &String| match name.as_str() {
+            "test_pose" => "test pose".to_owned(),
+            other => other.to_uppercase(),
+        };
+        joined(plan.criteria.iter().map(name), ", ")
+    };
     let row = |plan: &CriterionPlanMessage| {
         let rho0_mm = plan.rho0_mm;
         let shown = match rho0_mm {
@@ -169,23 +184,18 @@ fn criteria(plans: &[CriterionPlanMessage]) -> String {
         let more = rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
         let more = more.filter(|more| *more > 0.001);
         let more = more.map_or_else(String::new, |more| format!("+{}", percent(Some(more), 0)));
-        cell(&criteria_names(plan)) + &sources::bar(share, false, &shown) + &cell(&more)
+        cell(&name(plan)) + &sources::bar(share, false, &shown) + &cell(&more)
     };
     let header = ["criterion", "\u{3c1}\u{2080} at the test pose", "more"];
-    table_of_cells(&header, plans.iter().map(row))
-        + &paragraph(&criteria_caption(plans))
-        + CRITERIA_LEGEND
-}
-
-/// What the plans of criteria are, and which of them are rough.
-fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
-    let caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.";
     let alone =
         |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
-    let rough = joined(plans.iter().filter(alone).map(criteria_names), "; ");
+    let rough = joined(plans.iter().filter(alone).map(name), "; ");
     let rough = Some(rough).filter(|rough| !rough.is_empty());
     let words = " Searches for {} did not agree: by that criterion there may be better plans.";
-    caption.to_owned() + &naming(rough, words)
+    let caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.";
+    table_of_cells(&header, plans.iter().map(row))
+        + &paragraph(&(caption.to_owned() + &naming(rough, words)))
+        + CRITERIA_LEGEND
 }
 
 /// What the letters stand for.
@@ -262,46 +272,28 @@ fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<Strin
 }
 
 /// The identified compliances.
-fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> Result<String, PlotError> {
-    let found = &calibration.identification;
-    let estimate = |(index, name): (usize, &String)| {
-        let truth = (calibration.truth.compliance_rad_per_nm.get(index)).copied();
-        let value = found.compliance_rad_per_nm[index].zip(truth);
-        let value = value.zip(found.compliance_ci95_rad_per_nm[index]);
-        RelativeEstimate {
-            name: name.clone(),
-            error: value.map(|((value, truth), ends)| {
-                (value / truth - 1.0, ends.map(|end| end / truth - 1.0))
-            }),
-        }
-    };
-    let estimates: Vec<_> = found.parameters.iter().enumerate().map(estimate).collect();
-    let svg = compliances_figure(&estimates)?;
+fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> String {
     let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
     let unit = belief.compliance_unit("1e-6");
-    Ok(figure(&svg, caption) + &tables::compliances(calibration, &unit).html())
+    figure(&compliances_figure(calibration), caption)
+        + &tables::compliances(calibration, &unit).html()
 }
 
 /// What the fit leaves of each measurement.
-fn residuals(
-    instrument: &Instrument,
-    calibration: &CalibrationMessage,
-) -> Result<String, PlotError> {
+fn residuals(instrument: &Instrument, calibration: &CalibrationMessage) -> String {
     let identification = &calibration.identification;
     let measured = calibration.residuals.iter().zip(&calibration.measurements);
-    let standardised: Vec<[Option<f64>; 4]> = measured
-        .map(|(each, measured)| {
-            let value = |row: usize| each.standardised.get(row).copied().flatten();
-            match measured.direction {
-                Some(_) => [None, None, None, value(0)],
-                None => [value(0), value(1), value(2), None],
-            }
-        })
-        .collect();
-    let numbers: usize = (calibration.residuals.iter())
-        .map(|each| each.standardised.len())
-        .sum();
-    let effective: f64 = calibration.residuals.iter().map(|each| each.leverage).sum();
+    let standardised = measured.map(|(each, measured)| {
+        let value = |row: usize| each.standardised.get(row).copied().flatten();
+        match measured.direction {
+            Some(_) => [None, None, None, value(0)],
+            None => [value(0), value(1), value(2), None],
+        }
+    });
+    let svg = residuals_figure(&standardised.collect::<Vec<_>>());
+    let residuals = || calibration.residuals.iter();
+    let numbers: usize = residuals().map(|each| each.standardised.len()).sum();
+    let effective: f64 = residuals().map(|each| each.leverage).sum();
     let caption = format!(
         "Measured less modelled deflection of each measurement, each coordinate over its own standard deviation: that of the \
          measurement less what the fit takes up. Of {numbers} degrees of freedom the fit takes up {effective:.1} (the effective \
@@ -313,23 +305,27 @@ fn residuals(
         || format!("{sigma} as given"),
         |both| format!("{both} as given, {sigma} rms over all that is read"),
     );
-    let seen = format!(
+    let observed = format!(
         "sigma: {given}; {} from the residuals, p = {} (chi-square).",
         micrometres(identification.residual_sigma_mm),
         number(identification.consistency, 3)
     );
-    Ok(figure(&residuals_figure(&standardised)?, &caption) + &paragraph(&seen))
+    figure(&svg, &caption) + &paragraph(&observed)
 }
 
 /// Where a page comes from.
 fn provenance(from: &ProvenanceMessage, command: &str) -> String {
-    let program = format!("elastocal {} ({})", from.version, from.commit);
-    let (hash, seed) = (from.scenario_sha256.clone(), from.seed.to_string());
     let entries = [
-        ("program", program),
+        (
+            "program",
+            format!("elastocal {} ({})", from.version, from.commit),
+        ),
         ("scenario", from.scenario.clone()),
-        ("SHA-256 of scenario and models", hash),
-        ("seed", seed),
+        (
+            "SHA-256 of scenario and models",
+            from.scenario_sha256.clone(),
+        ),
+        ("seed", from.seed.to_string()),
         ("command", command.to_owned()),
     ];
     let entry =

@@ -9,7 +9,6 @@ use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
 use crate::text::wording::{counted, inverse_interval, micrometres, number};
 use crate::view::card::{Card, heading};
-use crate::view::charts::PlotError;
 use crate::view::markup::{page, section};
 
 /// What the page of a study is made of.
@@ -26,7 +25,7 @@ pub struct StudyPageRecord<'a> {
 }
 
 /// The page of a study as HTML.
-pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
+pub fn study_page(study: &StudyPageRecord<'_>) -> String {
     let (header, plans) = (study.header, &study.header.plans);
     let reference = header.reference();
     let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
@@ -41,15 +40,15 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
     );
     let title = format!("Plans compared: {}", header.provenance.scenario);
     let mut body = heading(&title, &caption, cards(study));
-    let distances = means_figure(&lines)?
-        + &distances_figure(&lines, &caption)?
-        + &shares_figure(&lines)?
+    let distances = means_figure(&lines)
+        + &distances_figure(&lines, &caption)
+        + &shares_figure(&lines)
         + &distances_table(&lines);
     body += &section("distances", DISTANCES, &distances);
     body += &sources::of_study(study.plans);
     body += &provenance(&header.provenance, study.command);
     let title = format!("{}: study", header.provenance.scenario);
-    Ok(page(&title, &body))
+    page(&title, &body)
 }
 
 /// Which accuracy the study is about.

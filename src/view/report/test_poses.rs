@@ -5,7 +5,6 @@ use super::sources::bar;
 use crate::record::messages::TestPoseMessage;
 use crate::task::TestPose;
 use crate::text::wording::{counted, micrometres, percent};
-use crate::view::charts::PlotError;
 use crate::view::markup::{cell, figure, paragraph, section, table_of_cells};
 
 /// More test poses are a path or a region, and drawn as one.
@@ -19,7 +18,7 @@ pub(super) fn test_poses(
     predicted_mm: &[Option<f64>],
     all_mm: Option<f64>,
     run: Option<(&[TestPoseMessage], &str)>,
-) -> Result<String, PlotError> {
+) -> String {
     let observed = run.map_or(&[][..], |(observed, _)| observed);
     let values_mm = || predicted_mm.iter().map(|rho0_mm| rho0_mm.unwrap_or(0.0));
     let is_drawn = poses.len() > FEW_POSES;
@@ -66,16 +65,16 @@ pub(super) fn test_poses(
     let numbers = table_of_cells(&header, rows);
     if !is_drawn {
         let body = paragraph(&caption) + &numbers;
-        return Ok(section("poses", TITLE, &body));
+        return section("poses", TITLE, &body);
     }
     let values_um: Vec<f64> = values_mm().map(|value_mm| value_mm * 1e3).collect();
     let names: Vec<&str> = poses.iter().map(|pose| &*pose.name).collect();
-    let svg = path_figure(&names, &values_um, all_mm.map(|all| all * 1e3))?;
+    let svg = path_figure(&names, &values_um, all_mm.map(|all| all * 1e3));
     let numbers = format!(
         "<details><summary>The test poses by their numbers</summary>\n{numbers}</details>\n"
     );
     let body = figure(&svg, &caption) + &numbers;
-    Ok(section("poses", TITLE, &body))
+    section("poses", TITLE, &body)
 }
 
 #[cfg(test)]
@@ -85,7 +84,7 @@ mod tests {
     use super::*;
     use crate::robot::Load;
 
-    fn poses(count: usize, second: f64) -> Result<String, PlotError> {
+    fn poses(count: usize, second: f64) -> String {
         let pose = |index: usize| TestPose {
             name: format!("pose_{index}"),
             configuration_rad: DVector::zeros(1),
@@ -99,11 +98,10 @@ mod tests {
     }
 
     #[test]
-    fn weights_are_shown_where_they_differ_and_many_poses_have_numbers() -> Result<(), PlotError> {
-        let [alike, weighted, many] = [poses(2, 0.25)?, poses(2, 0.75)?, poses(13, 0.25)?];
+    fn weights_are_shown_where_they_differ_and_many_poses_have_numbers() {
+        let [alike, weighted, many] = [poses(2, 0.25), poses(2, 0.75), poses(13, 0.25)];
         assert!(!alike.contains("weight"));
         assert!(weighted.contains("<th>weight</th>") && weighted.contains("75.0\u{a0}%"));
         assert!(many.contains("<td>13: pose_12</td>") && many.contains("13, pose_12: 10.00"));
-        Ok(())
     }
 }

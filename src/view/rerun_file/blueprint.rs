@@ -1,7 +1,7 @@
 //! How the viewer shows a recording: the robot large, text and curves beside it.
 
 use nalgebra::Vector3;
-use re_sdk::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
+use re_sdk::blueprint::components::{BackgroundKind, PanelState, PlayState};
 use re_sdk::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel, Spatial3DView,
     TextDocumentView, TimePanel, TimeSeriesView,
@@ -10,10 +10,7 @@ use re_sdk::log::LogMsg;
 use re_sdk::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch,
 };
-use re_sdk_types::blueprint::archetypes::{
-    Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, TimeAxis,
-};
-use re_sdk_types::datatypes::{Range1D, TimeInt, TimeRange, TimeRangeBoundary};
+use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D};
 
 use super::{Logged, new_stream, scene};
 
@@ -21,8 +18,6 @@ use super::{Logged, new_stream, scene};
 pub(super) struct Clock {
     /// Its name.
     pub(super) timeline: &'static str,
-    /// The range that curves are drawn over.
-    pub(super) range: [usize; 2],
     /// How far it goes in a second when it is played.
     pub(super) per_second: f64,
     /// Whether it is played from the beginning, or stays at the end as that moves.
@@ -70,29 +65,6 @@ impl<'a> Layout<'a> {
         view
     }
 
-    /// Curves over the timeline, and the range of values (lowest, highest) that is shown; if not given, what there is.
-    pub(super) fn curves(
-        &mut self,
-        name: &str,
-        origin: EntityPath,
-        values: Option<[f64; 2]>,
-    ) -> ContainerLike {
-        let view = TimeSeriesView::new(name).with_origin(origin).into();
-        let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
-        self.set(&view, "PlotLegend", &legend);
-        let [start, end] = (self.clock.range).map(|place| {
-            let place = i64::try_from(place).unwrap_or(i64::MAX);
-            TimeRangeBoundary::Absolute(TimeInt(place))
-        });
-        let axis = TimeAxis::new().with_view_range(TimeRange { start, end });
-        self.set(&view, "TimeAxis", &axis);
-        if let Some(values) = values {
-            let axis = ScalarAxis::new().with_range(Range1D(values));
-            self.set(&view, "ScalarAxis", &axis);
-        }
-        view
-    }
-
     /// Sends the layout with all that is in it.
     pub(super) fn send(self, root: ContainerLike, stream: &RecordingStream) -> Logged {
         // Where the environment switches the SDK off (`RERUN=off`) it panics here. The viewer has a layout of its own.
@@ -133,44 +105,12 @@ impl<'a> Layout<'a> {
     }
 }
 
+/// Curves over the timeline.
+pub(super) fn curves(name: &str, origin: impl Into<EntityPath>) -> ContainerLike {
+    TimeSeriesView::new(name).with_origin(origin).into()
+}
+
 /// A text in Markdown.
 pub(super) fn text(name: &str, origin: &str) -> ContainerLike {
     TextDocumentView::new(name).with_origin(origin).into()
-}
-
-/// The range about nought that shows values of up to a size and has ticks that the viewer writes numbers at, which are powers of
-/// ten apart: up to 1, 2, 3 or 10 of them, and a little more, so that the last is within.
-pub(super) fn about_nought(largest: f64) -> Option<[f64; 2]> {
-    if !(largest.is_normal() && largest > 0.0) {
-        return None;
-    }
-    let power = 10_f64.powf(largest.log10().floor());
-    let times = (largest / power).ceil();
-    let end = if times > 3.0 { 10.0 } else { times } * power * 1.08;
-    Some([-end, end])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::about_nought;
-
-    #[test]
-    fn axes_end_at_numbers_that_can_be_read() {
-        for (largest, end) in [
-            (0.079, 0.1),
-            (0.031, 0.1),
-            (0.03, 0.03),
-            (1.0, 1.0),
-            (1.01, 2.0),
-            (950.0, 1000.0),
-            (2e-7, 2e-7),
-        ] {
-            let [low, high] = about_nought(largest).unwrap_or_default();
-            assert!((high / end - 1.08).abs() < 1e-9, "{largest}: {high}");
-            assert!(high > largest && low.to_bits() == (-high).to_bits());
-        }
-        for nothing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(about_nought(nothing), None);
-        }
-    }
 }
