@@ -187,14 +187,14 @@ impl PlanArgs {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
             let page = PlanPage {
                 scenario,
-                stills: &planned.stills(scenario).figures(),
+                stills: &planned.stills(scenario).figures()?,
                 conditions: &report.conditions,
                 provenance: &self.common.provenance(scenario)?,
                 command: &command_line(),
                 plan: plan.unwrap_or("plan.csv".as_ref()),
                 parameters: &self.readings.parameters,
             };
-            let page = absolute_page(&page, record, trials, None);
+            let page = absolute_page(&page, record, trials, None)?;
             report.save(path, &page);
         }
         Ok(report)

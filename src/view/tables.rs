@@ -1,5 +1,7 @@
 //! Tables of records, for pages, terminals and the texts of recordings alike.
 
+use serde::Serialize;
+
 use crate::calibration::rms_m;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::ReadingsRunMessage;
@@ -8,7 +10,7 @@ use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
 use crate::text::wording::{dash, inverse_interval, joined, number, percent, shortened};
 use crate::text::{for_terminal, markdown_text};
-use crate::view::markup::{micro_sign, table_of};
+use crate::view::markup::micro_sign;
 use crate::workflow::run::TriedPlan;
 
 /// Names of rows have at most so many characters.
@@ -50,7 +52,7 @@ pub fn aligned(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<St
 }
 
 /// A table; the first column is text, the others are numbers.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordTable {
     header: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -66,11 +68,6 @@ impl RecordTable {
                 .collect(),
             rows: rows.into_iter().collect(),
         }
-    }
-
-    /// Of a page.
-    pub fn html(&self) -> String {
-        table_of(&self.header, self.rows.iter().cloned())
     }
 
     /// Of a terminal.

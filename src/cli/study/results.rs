@@ -103,7 +103,7 @@ impl Results {
             plans: &self.messages,
             conditions: &self.conditions(),
             command: &command_line(),
-        });
+        })?;
         Ok(Some(page))
     }
 }

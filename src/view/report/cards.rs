@@ -1,6 +1,6 @@
 //! What is answered first of a plan and of a run: which plan, how accurate, proved by what, what was observed, and against random plans.
 
-use super::each_once;
+use super::{PlanPage, each_once};
 use crate::calibration::{CompensatedPose, rms_m};
 use crate::codes::Condition;
 use crate::plan::search::{BoundKind, RepeatsNeeded};
@@ -12,11 +12,14 @@ use crate::text::wording::{counted, joined, micrometres, naming, number, percent
 use crate::view::card::Card;
 use crate::workflow::run::{AbsoluteRun, RANDOM_PLANS, RUN, RunOutcome, TriedPlan};
 
+/// What holds where there is nothing to look at.
+const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the instrument, and \
+                        the plan keeps all bounds of the scenario.";
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
 
 /// A length (m), for a person.
-pub(super) fn length(value_m: Option<f64>) -> String {
+fn length(value_m: Option<f64>) -> String {
     micrometres(value_m.map(|value_m| value_m * 1e3))
 }
 
@@ -242,6 +245,21 @@ fn repeats(needed: Option<RepeatsNeeded>) -> String {
 pub(super) fn verdict_card(is_kept: bool, verdict: &str, about: impl Into<String>) -> Card {
     let tone = if is_kept { "good" } else { "bad" };
     Card::new(tone, "Does the prediction hold?", verdict, about)
+}
+
+/// A card of what must be looked at, or that all holds.
+pub(super) fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
+    let violating = (outcome.tried.iter().skip(1))
+        .filter(|plan| plan.assessment.violated().is_some())
+        .map(|plan| &plan.record.name);
+    let words = " Of the plans beside it, {} keep not all of them.";
+    let of_others = naming(violating, words);
+    let answer = match &*of_others {
+        "" => "all hold",
+        _ => "all hold for this plan",
+    };
+    let holds = || Card::new("good", "Checks", answer, ALL_HOLD.to_owned() + &of_others);
+    conditions_card(shown.conditions).unwrap_or_else(holds)
 }
 
 /// A card of what must be looked at, if something must.

@@ -7,7 +7,7 @@ use crate::text::wording::micrometres;
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, INK, Mark, Series, WHOLE, middle, plan_colours, reach,
 };
-use crate::view::{markup::figure, tables};
+use crate::view::tables::{self, RecordTable};
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
@@ -27,12 +27,9 @@ pub fn lines(
     plans.iter().zip(colours).collect()
 }
 
-/// A figure of lines that have something to draw, over the whole page; nothing of none.
-fn over_errors(chart: Chart, title: &str, caption: &str) -> String {
-    match chart.series.as_slice() {
-        [] => String::new(),
-        _ => figure(&chart.figure(WHOLE, title), caption),
-    }
+/// A figure over the whole page of lines that have something to draw; nothing of none.
+fn whole(chart: &Chart, title: &str) -> Option<String> {
+    (!chart.series.is_empty()).then(|| chart.figure(WHOLE, title))
 }
 
 fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
@@ -42,7 +39,7 @@ fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
 }
 
 /// The figure: a row for each plan with the distribution of its distances and its mean.
-pub fn distances_figure(lines: &[PlanLine<'_>], caption: &str) -> String {
+pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let lines = with_runs(lines);
     let range = range(&lines);
     let highest = (lines.iter())
@@ -72,15 +69,11 @@ pub fn distances_figure(lines: &[PlanLine<'_>], caption: &str) -> String {
         .map(|(runs, _)| (runs.name.clone(), note(runs)));
     let axis = ChartAxis::logarithmic(range.clone());
     let chart = Chart::of_rows(rows, axis, ERRORS, hills);
-    over_errors(
-        chart,
-        "Distribution of the residual error of each plan",
-        caption,
-    )
+    whole(&chart, "Distribution of the residual error of each plan")
 }
 
 /// The mean of each plan with its 95 % interval.
-pub fn means_figure(lines: &[PlanLine<'_>]) -> String {
+pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let means = lines.iter().filter_map(|&(runs, colour)| {
         let [low, high] = runs.mean_ci95_mm?;
         Some((&runs.name, [low, runs.mean_mm?, high], colour))
@@ -103,12 +96,11 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> String {
     let title = "mean residual error [\u{b5}m], logarithmic";
     let chart = Chart::of_rows(rows, axis, title, intervals.collect());
     let title = "Mean residual error of each plan with its 95 % interval";
-    let caption = "Mean of each plan's runs with its 95 % interval, in \u{b5}m.";
-    over_errors(chart, title, caption)
+    whole(&chart, title)
 }
 
 /// The share of each plan's runs that stay below an error.
-pub fn shares_figure(lines: &[PlanLine<'_>]) -> String {
+pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let lines = with_runs(lines);
     let range = range(&lines);
     let series = |(index, (runs, colour)): (usize, &PlanLine<'_>)| {
@@ -124,8 +116,7 @@ pub fn shares_figure(lines: &[PlanLine<'_>]) -> String {
     let series = lines.iter().enumerate().map(series).collect();
     let chart = Chart::new(axes, [ERRORS, "runs below it [%]"], series);
     let title = "Cumulative distribution of the residual error";
-    let caption = "Empirical cumulative distribution of each plan's runs.";
-    over_errors(chart, title, caption)
+    whole(&chart, title)
 }
 
 /// The upper end of each bin (logarithm of um) and the share of the runs below it (%).
@@ -139,9 +130,9 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
 }
 
 /// The numbers below the figure.
-pub fn distances_table(lines: &[PlanLine<'_>]) -> String {
+pub fn numbers(lines: &[PlanLine<'_>]) -> RecordTable {
     let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
-    tables::study(&plans, true).html()
+    tables::study(&plans, true)
 }
 
 /// The middle of each bin (logarithm of um) and the share of the runs for each unit of the

@@ -2,6 +2,7 @@
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
+use serde_json::{Value, json};
 
 use crate::numeric::tolerance::ends;
 use crate::view::mesh::Mesh;
@@ -53,6 +54,26 @@ impl Camera {
             (self.corner_m[1] - seen.y) * self.scale,
             seen.z,
         ]
+    }
+
+    /// Where a point is seen, in tenths of a pixel.
+    pub fn place(&self, point: &Point3<f64>) -> [f64; 2] {
+        let [x, y, _] = self.see(point);
+        [x, y].map(|value| (value * 10.0).round() / 10.0)
+    }
+
+    /// For drawings: the size (px), and how places on the floor (m) come to be seen, as SVG has transforms.
+    pub fn shown(&self) -> Value {
+        let [width, height] = self.size_px.map(|side| (side * 10.0).round() / 10.0);
+        let [origin, x, y] = [
+            Point3::origin(),
+            Point3::new(1.0, 0.0, 0.0),
+            Point3::new(0.0, 1.0, 0.0),
+        ]
+        .map(|point| self.see(&point));
+        let [to_x, to_y] = [x, y].map(|end| [end[0] - origin[0], end[1] - origin[1]]);
+        let floor = [to_x, to_y, [origin[0], origin[1]]].concat();
+        json!({ "width": width, "height": height, "floor": floor })
     }
 
     /// Whether a point is seen inside the picture.
@@ -140,8 +161,8 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// The picture as an SVG image that holds a PNG; what is behind shows through where nothing is.
-    pub fn picture(&self) -> String {
+    /// The picture as PNG in base 64; what is behind shows through where nothing is.
+    pub fn png(&self) -> String {
         let mut png = Vec::new();
         let [width, height] = self.size.map(|side| side as u32);
         let mut encoder = png::Encoder::new(&mut png, width, height);
@@ -151,10 +172,6 @@ impl<'a> Painter<'a> {
         // A picture in memory always takes its samples.
         let written = written.and_then(|mut writer| writer.write_image_data(&self.pixels));
         debug_assert!(written.is_ok());
-        let data = BASE64_STANDARD.encode(png);
-        let [width, height] = self.size.map(|side| side as f64 / SAMPLES);
-        format!(
-            "<image width=\"{width:.1}\" height=\"{height:.1}\" href=\"data:image/png;base64,{data}\"/>"
-        )
+        BASE64_STANDARD.encode(png)
     }
 }
