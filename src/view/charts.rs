@@ -460,15 +460,15 @@ impl<'a> Plane<'a> {
             width - MARGIN - beside,
         ];
         let needed = width_of(x.labels()) * x.ticks.len() as f64;
-        let lines = (1..4).find(|lines| needed <= (across[1] - across[0]) * f64::from(*lines));
+        let lines = (1..4).find(|&lines| needed <= (across[1] - across[0]) * lines as f64);
         let lines = lines.unwrap_or(4);
-        let below = f64::from(lines - 1) * LINE + LINE + room(!x_name.is_empty(), 32.0);
+        let below = lines as f64 * LINE + room(!x_name.is_empty(), 32.0);
         Self {
             chart,
             across,
             upwards: [height - below, above],
             is_wide,
-            lines: lines as usize,
+            lines,
         }
     }
 
@@ -493,10 +493,9 @@ impl<'a> Plane<'a> {
         let level = |tick: &f64| format!("M{left:.1} {:.1}H{right:.1}", self.at((0.0, *tick)).1);
         let majors = |axis: &ChartAxis| axis.ticks.iter().map(|each| each.0).collect::<Vec<f64>>();
         for (opacity, of_x, of_y) in [(0.5, &x.minor, &y.minor), (1.0, &majors(x), &majors(y))] {
-            line(GRID, opacity, of_x.iter().map(upright).collect());
-            if has_lines {
-                line(GRID, opacity, of_y.iter().map(level).collect());
-            }
+            let levels = of_y.iter().map(level).filter(|_| has_lines);
+            let lines = of_x.iter().map(upright).chain(levels);
+            lines.for_each(|d| line(GRID, opacity, d));
         }
         line(
             SOFT,

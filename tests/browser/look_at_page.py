@@ -57,10 +57,11 @@ LOOK = r"""
         if (width > 1 && height > 0.3 * lines) overlaps.push([name(texts[j]), name(texts[i])]);
       }
     const drawn = svg.querySelectorAll("line,rect,circle,polyline,polygon,path");
+    const pictures = [...svg.querySelectorAll("image")].map(each => each.getBBox());
     const content = svg.getBBox();
     return {
       label: label(svg), width_px: frame.width, height_px: frame.height,
-      content_px: [content.width, content.height], shapes: drawn.length, texts: texts.length,
+      content_px: [content.width, content.height], shapes: drawn.length, pictures_px: pictures.map(each => each.width), texts: texts.length,
       smallest_text_px: Math.min(...boxes.map(each => Math.min(each.width, each.height)), 1e9),
       outside, overlaps,
     };

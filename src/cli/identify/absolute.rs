@@ -70,7 +70,7 @@ impl Identify {
             }
             report.json["model_selection"] = model_selection_json(found);
         } else {
-            self.draw_patterns(scenario, &identified.patterns, &mut report)?;
+            self.draw_patterns(scenario, &identified.patterns, &mut report);
         }
         let message = AbsoluteMessage::new(&identified.case, &identified.fit);
         report.text += &describe(&message, belief);

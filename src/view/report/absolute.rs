@@ -54,7 +54,7 @@ pub fn absolute_page(
     let own = &scenario.task.belief.calibration_tool.name;
     let (columns, rows) = rows(plan, own);
     let budget = plan.uncertainty_budget.as_ref();
-    let page = shown.shown(cards, budget, test_poses, (&columns, rows));
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), (&columns, rows));
     let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
     let unknowns = json!({ "table": unknowns(&plan.unknowns), "has_logarithms": has_logarithms });
     let json = json!({

@@ -62,9 +62,9 @@ impl PlanPage<'_> {
     /// `own` names the rows and the columns that follow angles and load.
     fn shown(
         &self,
-        cards: Vec<Card>,
+        cards: &[Card],
         budget: Option<&UncertaintyBudget>,
-        test_poses: Option<Value>,
+        test_poses: Option<&Value>,
         (own, rows): (&str, Vec<Vec<String>>),
     ) -> Value {
         let scenario = self.scenario;
@@ -111,7 +111,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     });
     let budget = assessment.uncertainty_budget.as_ref();
     let rows = rows(shown.scenario.task.reads_along(), calibration);
-    let mut page = shown.shown(cards, budget, test_poses, rows);
+    let mut page = shown.shown(&cards, budget, test_poses.as_ref(), rows);
     page["more"] = more_accurate(evidence, assessment).unwrap_or_default();
     page["experiments"] = assessment.experiments.into();
     // Random plans come last.
