@@ -22,33 +22,24 @@ pub fn aligned(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<St
     for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
         *name = shortened(name, LONGEST_NAME);
     }
-    let width = |column: usize| {
+    let header: Vec<String> = header.iter().map(|name| name.as_ref().to_owned()).collect();
+    rows.insert(0, header);
+    let longest = |column: usize| {
         rows.iter()
-            .map(|row| row[column].chars().count())
-            .chain([header[column].as_ref().chars().count()])
+            .map(move |row| row[column].chars().count())
             .max()
-            .unwrap_or(0)
     };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let cells: Vec<String> = cells
-            .zip(&widths)
-            .enumerate()
-            .map(|(index, (cell, &width))| {
-                if index == 0 {
-                    format!("{cell:<width$}")
-                } else {
-                    format!("{cell:>width$}")
-                }
-            })
-            .collect();
-        format!("  {}\n", cells.join("  ").trim_end())
+    let widths = (0..rows[0].len()).map(|column| longest(column).unwrap_or(0));
+    let widths: Vec<usize> = widths.collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).enumerate();
+        let cells = cells.map(|(index, (cell, &width))| match index {
+            0 => format!("{cell:<width$}"),
+            _ => format!("{cell:>width$}"),
+        });
+        format!("  {}\n", joined(cells, "  ").trim_end())
     };
-    let mut text = line(&mut header.iter().map(AsRef::as_ref));
-    for row in &rows {
-        text += &line(&mut row.iter().map(String::as_str));
-    }
-    text
+    rows.iter().map(line).collect()
 }
 
 /// A table; the first column is text, the others are numbers.

@@ -219,8 +219,10 @@ def look(browser, page, given):
     seen["errors"] = [
         each["exceptionDetails"]["text"] for each in parameters("Runtime.exceptionThrown")
     ] + [each["entry"]["text"] for each in parameters("Log.entryAdded")]
+    # What stands in the page itself is not asked for.
     seen["requests"] = [
-        each["request"]["url"] for each in parameters("Network.requestWillBeSent")]
+        each["request"]["url"] for each in parameters("Network.requestWillBeSent")
+        if not each["request"]["url"].startswith("data:")]
     if given.paper:
         across, down = (side / MM_PER_INCH for side in paper)
         printed = call("Page.printToPDF", paperWidth=across, paperHeight=down, preferCSSPageSize=True,
