@@ -1,7 +1,7 @@
 //! How the viewer shows a recording: the robot large, text and curves beside it.
 
 use nalgebra::Vector3;
-use re_sdk::blueprint::components::{BackgroundKind, PanelState, PlayState};
+use re_sdk::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use re_sdk::blueprint::{
     Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel, Spatial3DView,
     TextDocumentView, TimePanel, TimeSeriesView,
@@ -10,7 +10,10 @@ use re_sdk::log::LogMsg;
 use re_sdk::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch,
 };
-use re_sdk_types::blueprint::archetypes::{Background, EyeControls3D, LineGrid3D};
+use re_sdk_types::blueprint::archetypes::{
+    Background, EyeControls3D, LineGrid3D, PlotLegend, TimeAxis,
+};
+use re_sdk_types::datatypes::{TimeInt, TimeRange, TimeRangeBoundary};
 
 use super::{Logged, new_stream, scene};
 
@@ -18,6 +21,8 @@ use super::{Logged, new_stream, scene};
 pub(super) struct Clock {
     /// Its name.
     pub(super) timeline: &'static str,
+    /// The range that curves are drawn over.
+    pub(super) range: [usize; 2],
     /// How far it goes in a second when it is played.
     pub(super) per_second: f64,
     /// Whether it is played from the beginning, or stays at the end as that moves.
@@ -65,6 +70,20 @@ impl<'a> Layout<'a> {
         view
     }
 
+    /// Curves over the whole timeline.
+    pub(super) fn curves(&mut self, name: &str, origin: impl Into<EntityPath>) -> ContainerLike {
+        let view = TimeSeriesView::new(name).with_origin(origin).into();
+        let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
+        self.set(&view, "PlotLegend", &legend);
+        let [start, end] = (self.clock.range).map(|place| {
+            let place = i64::try_from(place).unwrap_or(i64::MAX);
+            TimeRangeBoundary::Absolute(TimeInt(place))
+        });
+        let axis = TimeAxis::new().with_view_range(TimeRange { start, end });
+        self.set(&view, "TimeAxis", &axis);
+        view
+    }
+
     /// Sends the layout with all that is in it.
     pub(super) fn send(self, root: ContainerLike, stream: &RecordingStream) -> Logged {
         // Where the environment switches the SDK off (`RERUN=off`) it panics here. The viewer has a layout of its own.
@@ -103,11 +122,6 @@ impl<'a> Layout<'a> {
         stream.send_blueprint(messages, activation);
         Ok(())
     }
-}
-
-/// Curves over the timeline.
-pub(super) fn curves(name: &str, origin: impl Into<EntityPath>) -> ContainerLike {
-    TimeSeriesView::new(name).with_origin(origin).into()
 }
 
 /// A text in Markdown.

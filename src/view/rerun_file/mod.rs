@@ -87,7 +87,7 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     let curves = first.map(|first| first.record.curves());
     let [readings, of_readings] = curves.unwrap_or(["deflection_mm", "deflections [mm]"]);
     let curves = [("residuals [mm]", "residual_mm"), (of_readings, readings)]
-        .map(|(name, group)| blueprint::curves(name, entity_path!["measurements", group]));
+        .map(|(name, group)| layout.curves(name, entity_path!["measurements", group]));
     let results = [
         blueprint::text("results", "text/results"),
         blueprint::text("all plans", "text/overview"),
@@ -109,6 +109,8 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
 pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
     let clock = Clock {
         timeline: STEP,
+        // The legend has its place behind the last step.
+        range: [0, recording.steps().count() / 6 * 7 + 1],
         per_second: 0.5,
         play_state: PlayState::Playing,
     };

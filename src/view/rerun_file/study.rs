@@ -10,7 +10,7 @@ use re_sdk::blueprint::{BarChartView, ContainerLike, Horizontal, Tabs, Vertical}
 use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
 
-use super::blueprint::{Clock, Layout, curves, text};
+use super::blueprint::{Clock, Layout, text};
 use super::{Logged, STEP, begin, log_step, scene, study_text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
@@ -56,8 +56,11 @@ pub struct StudyStream {
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
     pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> RecordingStreamResult<Self> {
+        let runs = usize::try_from(study.header.trials).unwrap_or(usize::MAX);
         let clock = Clock {
             timeline: RUN,
+            // The legend has its place behind the last run.
+            range: [0, runs / 7 * 8],
             per_second: study.header.trials as f64 / REPLAY_S,
             play_state: PlayState::Following,
         };
@@ -142,7 +145,7 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
     let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
     let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
     let right = Vertical::new([
-        curves(means, "means_um"),
+        layout.curves(means, "means_um"),
         Tabs::new(sources.into_iter().chain(distributions(study))).into(),
         text("results so far", "text/table"),
     ]);
