@@ -167,7 +167,9 @@ impl<'a> Painter<'a> {
         let [width, height] = self.size.map(|side| side as u32);
         let mut encoder = png::Encoder::new(&mut png, width, height);
         encoder.set_color(png::ColorType::Rgba);
-        encoder.set_compression(png::Compression::Fast);
+        // Areas of few colours: filters, which are for photographs, would make it larger.
+        encoder.set_filter(png::Filter::NoFilter);
+        encoder.set_deflate_compression(png::DeflateCompression::Level(6));
         let written = encoder.write_header();
         // A picture in memory always takes its samples.
         let written = written.and_then(|mut writer| writer.write_image_data(&self.pixels));
