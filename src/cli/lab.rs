@@ -138,7 +138,7 @@ impl Lab {
         let stills = Stills::of_plan(scenario, &plan);
         Ok(LaboratoryWork {
             measurements: plan.measurements(),
-            sheet: run_sheet(scenario, stills, &campaign, axes, has_program),
+            sheet: run_sheet(scenario, &stills, &campaign, axes, has_program)?,
             table: to_fill_in(scenario, &plan, &campaign),
             conditions: conditions.into_iter().collect(),
             campaign,
@@ -162,7 +162,7 @@ impl Lab {
         let stills = Stills::of_readings(scenario, &planning.readings(&whole));
         Ok(LaboratoryWork {
             measurements: stills.plan.measurements(),
-            sheet: run_sheet(scenario, stills, &campaign, axes, has_program),
+            sheet: run_sheet(scenario, &stills, &campaign, axes, has_program)?,
             table: readings_table(scenario, &planning, &campaign),
             conditions: Vec::new(),
             campaign,

@@ -198,7 +198,7 @@ impl PlanCommand {
             report.noted(path, planned.write(&scenario.task, path));
         }
         if let Some(path) = &self.stills_out {
-            report.save(path, &planned.stills(&scenario).sheet());
+            report.save(path, &planned.stills(&scenario).sheet()?);
         }
         args.finish(
             &scenario,

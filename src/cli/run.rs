@@ -8,10 +8,9 @@ use crate::plan::take_nearest_turns;
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::shell_path;
 use crate::view::card::Card;
+use crate::view::markup::PageError;
 use crate::view::recording::{CarriedOutPlan, Recording};
-use crate::view::report::{
-    PlanPage, PlotError, absolute_page, readings_cards, run_cards, run_page,
-};
+use crate::view::report::{PlanPage, absolute_page, readings_cards, run_cards, run_page};
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
@@ -49,7 +48,7 @@ pub struct Run {
 const FILES: [&str; 3] = ["plan.csv", "measurements.csv", "results.json"];
 
 /// Makes the page of a loop.
-type PageOf<'a> = Box<dyn Fn(&PlanPage<'_>) -> Result<String, PlotError> + 'a>;
+type PageOf<'a> = Box<dyn Fn(&PlanPage<'_>) -> Result<String, PageError> + 'a>;
 
 /// What a loop comes to, whatever was measured.
 struct Looped<'a> {
@@ -83,7 +82,7 @@ impl Run {
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
-            stills: &stills.figures(),
+            stills: &stills.figures()?,
             conditions: &report.conditions,
             provenance: &common.provenance(&scenario)?,
             command: &command_line(),
@@ -98,7 +97,7 @@ impl Run {
         written.save(&measurements, &(origin.comments() + &looped.measurements));
         let record = record_text(&mut report.json, &report.conditions)?;
         written.save(&results, &record);
-        written.save(&folder.join("stills.svg"), &stills.sheet());
+        written.save(&folder.join("stills.svg"), &stills.sheet()?);
         written.save(&folder.join("report.html"), &page);
         let recording = Recording::new(&scenario, &looped.shown)?;
         write_recording(&recording, &folder.join("run.rrd"), written);

@@ -1,6 +1,7 @@
 //! What people write of a configuration: one number for each joint that is commanded.
 
 use nalgebra::DVector;
+use serde::Serialize;
 
 use super::{Drive, SerialChain};
 use crate::quantities::units::{degrees, thousandths};
@@ -16,7 +17,8 @@ pub struct Commands {
 }
 
 /// Which readings are along a direction, those of a gauge.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum ReadsAlong {
     /// None: all coordinates are read.
     #[default]

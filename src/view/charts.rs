@@ -1,352 +1,157 @@
-//! What the figures are made of: a drawing that fits any width, and charts of series.
+//! What the figures are made of: series over two axes, as SVG that fits any width and takes the colours of its page.
 
-mod palette;
-mod rows;
-
-use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
-use plotters::prelude::*;
-use plotters::style::text_anchor::{HPos, Pos, VPos};
-use thiserror::Error;
+use std::fmt::Write;
+use std::ops::Range;
 
 use crate::numeric::tolerance::ends;
 use crate::text::wording::{listed, shortened};
 use crate::view::markup::escaped;
 
-pub use palette::{COLOURS, plan_colours};
-pub use rows::Rows;
-
-/// The size of a plot that is a file of its own.
-pub const SIZE: (u32, u32) = (1500, 840);
-/// A plot could not be drawn.
-#[derive(Debug, Error, Clone, PartialEq, Eq)]
-#[error("the plot could not be drawn: {0}")]
-pub struct PlotError(pub(super) String);
-
-impl PlotError {
-    /// For a reason.
-    pub fn new(reason: &str) -> Self {
-        Self(reason.to_owned())
-    }
-}
-
-impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
-    fn from(error: DrawingAreaErrorKind<E>) -> Self {
-        Self(error.to_string())
-    }
-}
-
-/// The width of a figure that takes half a page (in units of the drawing).
-pub const HALF: u32 = 960;
-/// The width of a figure that takes the whole page.
-pub const WHOLE: u32 = 1500;
-/// The height of text. Plotters makes it smaller by a quarter.
-pub const TEXT: u32 = 28;
+/// The width of a figure that takes half a page, and of one that takes the whole page (in units of the drawing).
+pub const HALF: f64 = 960.0;
+pub const WHOLE: f64 = 1500.0;
+/// The height of a figure that is no chart of rows, of a row, and of the axis below the rows.
+const HEIGHT: f64 = 620.0;
+const ROW: f64 = 74.0;
+const AXIS: f64 = 88.0;
+/// The height of letters, the mean width of one in a wide font, and the height of a line.
+const TEXT: f64 = 23.0;
+const LETTER: f64 = 14.5;
+const LINE: f64 = 46.0;
+/// The space around a drawing, and the height of its title.
+const MARGIN: f64 = 14.0;
+const TITLE: f64 = 50.0;
 /// Longer names are cut.
 const LONGEST_NAME: usize = 26;
 
-/// Dark text and lines, soft ones, and the grid.
-pub const INK: RGBColor = RGBColor(28, 37, 48);
-pub const SOFT: RGBColor = RGBColor(91, 102, 115);
-pub const GRID: RGBColor = RGBColor(222, 227, 232);
-
-/// What stands for the colours of text and lines in a page, which may be dark.
-const OF_PAGE: [(&str, &str); 4] = [
-    ("\"#1C2530\"", "\"currentColor\""),
-    ("\"#5B6673\"", "\"var(--soft)\""),
-    ("\"#DEE3E8\"", "\"var(--line)\""),
-    ("\"#FFFFFF\"", "\"var(--paper)\""),
+/// The colour of dark text and lines, of soft ones, and of the grid, as pages have them.
+pub const INK: &str = "currentColor";
+pub const SOFT: &str = "var(--soft)";
+pub const GRID: &str = "var(--line)";
+/// The same in a file of its own.
+const ON_WHITE: [(&str, &str); 3] = [(INK, "#1c2530"), (SOFT, "#5b6673"), (GRID, "#dee3e8")];
+/// Colours of series that the colour-blind can tell apart (Okabe and Ito).
+pub const COLOURS: [&str; 7] = [
+    "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9467bd",
 ];
+/// The vermilion of what others are compared with: random plans.
+const REFERENCE: &str = COLOURS[5];
 
-/// A drawing area on SVG text.
-pub type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-/// An axis whose ticks were chosen.
+/// The colours of plans beside each other, in their order and by whether others are compared with each: the same on pages and in
+/// recordings.
+pub fn plan_colours(is_reference: impl IntoIterator<Item = bool>) -> Vec<&'static str> {
+    let others = COLOURS.into_iter().filter(|colour| *colour != REFERENCE);
+    let mut others = others.cycle();
+    let colour = |is_reference: bool| {
+        let other = (!is_reference).then(|| others.next());
+        other.flatten().unwrap_or(REFERENCE)
+    };
+    is_reference.into_iter().map(colour).collect()
+}
+
+/// An axis with its ticks.
 #[derive(Debug, Clone)]
 pub struct ChartAxis {
     /// From where to where.
-    pub range: std::ops::Range<f64>,
-    /// Where its ticks are.
-    pub ticks: Vec<f64>,
+    pub range: Range<f64>,
+    /// Where its ticks are, and what stands there.
+    pub ticks: Vec<(f64, String)>,
     /// Where lines without a number stand between them.
-    pub minor: Vec<f64>,
-    /// Whether it is of logarithms (base 10).
-    pub is_logarithmic: bool,
-    /// What stands at the ticks in place of numbers.
-    pub names: Vec<String>,
+    minor: Vec<f64>,
 }
 
 impl ChartAxis {
-    /// With about so many round ticks.
-    pub fn linear(range: std::ops::Range<f64>, about: u32) -> Self {
-        Self::new(range.clone(), ticks(range.start, range.end, about))
-    }
-
-    /// With these ticks.
-    const fn new(range: std::ops::Range<f64>, ticks: Vec<f64>) -> Self {
+    /// With numbers at these ticks.
+    pub fn at(range: Range<f64>, ticks: impl IntoIterator<Item = f64>) -> Self {
+        let numbered = |tick| (tick, listed([tick], 4));
         Self {
             range,
-            ticks,
+            ticks: ticks.into_iter().map(numbered).collect(),
             minor: Vec::new(),
-            is_logarithmic: false,
-            names: Vec::new(),
         }
     }
 
-    /// Of places 0, 1, 2, ... with these names.
-    pub fn named(names: Vec<String>) -> Self {
-        let count = names.len() as f64;
-        let places = (0_u32..).map(f64::from).take(names.len()).collect();
-        Self {
-            names,
-            ..Self::new(-0.5..count - 0.5, places)
-        }
-    }
-
-    /// What stands at a tick.
-    fn written(&self, tick: f64) -> String {
-        let is_here = |other: &f64| (other - tick).abs() < 1e-9;
-        let place = self.ticks.iter().position(is_here);
-        match place.and_then(|place| self.names.get(place)) {
-            Some(name) => name.clone(),
-            None if self.is_logarithmic => listed([10_f64.powf(tick)], 4),
-            None => listed([tick], 4),
-        }
+    /// With about so many round ticks.
+    pub fn linear(range: Range<f64>, about: u32) -> Self {
+        let ticks = ticks(&range, about);
+        Self::at(range, ticks)
     }
 
     /// Of whole numbers.
-    pub fn whole(range: std::ops::Range<f64>) -> Self {
-        let mut ticks = ticks(range.start, range.end, 8);
-        if ticks.windows(2).any(|pair| pair[1] - pair[0] < 1.0) {
-            ticks.retain(|tick| (tick - tick.round()).abs() < 1e-9);
+    pub fn whole(range: Range<f64>) -> Self {
+        let is_whole = |tick: &f64| (tick - tick.round()).abs() < 1e-9;
+        let ticks = ticks(&range, 8).into_iter().filter(is_whole);
+        Self::at(range, ticks)
+    }
+
+    /// Of places 0, 1, 2, ... with these names.
+    pub fn named(names: impl IntoIterator<Item = String>) -> Self {
+        let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
+        Self {
+            range: -0.5..ticks.len() as f64 - 0.5,
+            ticks,
+            minor: Vec::new(),
         }
-        Self::new(range, ticks)
     }
 
     /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
-    pub fn logarithmic(range: std::ops::Range<f64>) -> Self {
-        let at = |factors: &[u8]| -> Vec<f64> {
-            (-12_i32..12)
-                .flat_map(|power| {
-                    (factors.iter())
-                        .map(move |factor| f64::from(*factor).log10() + f64::from(power))
-                })
+    pub fn logarithmic(range: Range<f64>) -> Self {
+        let at = |factors: &[f64]| -> Vec<f64> {
+            let powers = (-12..12).map(f64::from);
+            powers
+                .flat_map(|power| factors.iter().map(move |factor| factor.log10() + power))
                 .filter(|tick| range.contains(tick))
                 .collect()
         };
-        let (mut ticks, mut minor) = (at(&[1, 2, 5]), at(&[3, 4, 6, 7, 8, 9]));
+        let (mut major, mut minor) = (at(&[1.0, 2.0, 5.0]), at(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]));
         // Where these are few, all have numbers; where those are, round numbers in between.
-        if ticks.len() < 3 {
-            ticks.append(&mut minor);
+        if major.len() < 3 {
+            major.append(&mut minor);
         }
-        if ticks.len() < 3 {
-            let [low, high] = [range.start, range.end].map(|end| 10_f64.powf(end));
-            ticks = self::ticks(low, high, 6)
-                .into_iter()
-                .map(f64::log10)
-                .collect();
+        if major.len() < 3 {
+            let ends = 10_f64.powf(range.start)..10_f64.powf(range.end);
+            major = ticks(&ends, 6).into_iter().map(f64::log10).collect();
         }
+        let numbered = |tick: f64| (tick, listed([10_f64.powf(tick)], 4));
         Self {
             range,
-            ticks,
+            ticks: major.into_iter().map(numbered).collect(),
             minor,
-            is_logarithmic: true,
-            names: Vec::new(),
         }
     }
-}
 
-impl Ranged for ChartAxis {
-    type FormatOption = DefaultFormatting;
-    type ValueType = f64;
+    fn labels(&self) -> impl Iterator<Item = &String> {
+        self.ticks.iter().map(|(_, label)| label)
+    }
 
-    #[expect(clippy::cast_possible_truncation, reason = "pixels")]
-    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
+    /// Where a value is between two places of a drawing.
+    fn place(&self, value: f64, [low, high]: [f64; 2]) -> f64 {
         let share = (value - self.range.start) / (self.range.end - self.range.start);
-        low + (share * f64::from(high - low)).round() as i32
-    }
-
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        if hint.weight().allow_light_points() {
-            self.minor.clone()
-        } else {
-            self.ticks.clone()
-        }
-    }
-
-    fn range(&self) -> std::ops::Range<f64> {
-        self.range.clone()
+        low + share * (high - low)
     }
 }
 
-/// Two of them, to draw over.
-type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<ChartAxis, ChartAxis>>;
-
-/// Series over two axes.
-pub struct Chart {
-    /// Along x, and upwards.
-    pub axes: [ChartAxis; 2],
-    /// What they show, with units.
-    pub names: [String; 2],
-    /// What is drawn, in this order.
-    pub series: Vec<Series>,
-}
-
-impl Chart {
-    /// The rms residual error (um) over numbers of measurements, both logarithmic, as far as the series go.
-    pub fn of_accuracy(mut series: Vec<Series>) -> Self {
-        for (x, y) in series.iter_mut().flat_map(|each| &mut each.points) {
-            (*x, *y) = (x.log10(), y.log10());
-        }
-        let axis = |of: fn(&(f64, f64)) -> f64| {
-            let [low, high] = ends(series.iter().flat_map(|each| &each.points).map(of));
-            let margin = (0.05 * (high - low)).max(0.02);
-            ChartAxis::logarithmic(low - margin..high + margin)
-        };
-        let mut axes = [axis(|point| point.0), axis(|point| point.1)];
-        let is_whole = |tick: &f64| (10_f64.powf(*tick) + 0.5).fract() - 0.5;
-        axes[0].ticks.retain(|tick| is_whole(tick).abs() < 1e-9);
-        let names = [
-            "measurements",
-            "\u{3c1}\u{2080}, rms residual error [\u{b5}m]",
-        ];
-        Self {
-            axes,
-            names: names.map(str::to_owned),
-            series,
-        }
+/// The range of values with a share of it to spare on both sides, of at least so much.
+pub fn reach(values: impl IntoIterator<Item = f64>, share: f64, least: f64) -> Range<f64> {
+    let [low, high] = ends(values.into_iter());
+    if low > high {
+        return 0.0..1.0;
     }
-
-    /// A chart as a figure of a page, under a name.
-    pub fn figure(&self, size: (u32, u32), name: &str) -> Result<String, PlotError> {
-        drawing(size, name, |area| self.draw(area))
-    }
-
-    /// A chart as a file of its own.
-    pub fn file(&self, title: &str) -> Result<String, PlotError> {
-        plot(SIZE, title, |area| self.draw(area).map(drop))
-    }
-
-    /// Draws it; returns what is to be read at its points (SVG).
-    pub fn draw(&self, area: &Area<'_>) -> Result<String, PlotError> {
-        draw_series(&mut self.plane(area)?, &self.series)
-    }
+    let margin = (share * (high - low)).max(least);
+    low - margin..high + margin
 }
 
-/// Draws series; returns what is to be read at their points (SVG).
-fn draw_series(plane: &mut Plane<'_, '_>, series: &[Series]) -> Result<String, PlotError> {
-    let mut tips = String::new();
-    for each in series {
-        each.draw(plane)?;
-        for (point, words) in each.points.iter().zip(&each.tips) {
-            let ((x, y), words) = (plane.backend_coord(point), escaped(words));
-            tips += &format!(
-                "<circle class=\"tip\" cx=\"{x}\" cy=\"{y}\" r=\"22\"><title>{words}</title></circle>\n"
-            );
-        }
-    }
-    Ok(tips)
-}
-
-/// An SVG drawing with a name, which takes the width that it is given and the colours of its page.
-fn drawing(
-    size: (u32, u32),
-    name: &str,
-    draw: impl FnOnce(&Area<'_>) -> Result<String, PlotError>,
-) -> Result<String, PlotError> {
-    let mut tips = String::new();
-    let svg = svg(size, |area| {
-        tips = draw(area)?;
-        Ok(())
-    })?;
-    let content = svg.split_once('>').map_or("", |(_, content)| content);
-    let content = content.replace("</svg>", &(tips + "</svg>"));
-    let content = (OF_PAGE.iter()).fold(content, |content, (own, of_page)| {
-        content.replace(own, of_page)
-    });
-    let class = if size.0 >= WHOLE { "whole" } else { "half" };
-    Ok(format!(
-        "<svg class=\"{class}\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {} {}\">{content}",
-        escaped(name),
-        size.0,
-        size.1
-    ))
-}
-
-/// A plot that is a file of its own, with its title, on white.
-pub fn plot(
-    size: (u32, u32),
-    title: &str,
-    draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
-) -> Result<String, PlotError> {
-    svg(size, |area| {
-        area.fill(&WHITE)?;
-        let style = ("sans-serif", TEXT + 6).into_font().color(&INK);
-        draw(&area.titled(title, style)?)
-    })
-}
-
-fn svg(
-    size: (u32, u32),
-    draw: impl FnOnce(&Area<'_>) -> Result<(), PlotError>,
-) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let area = SVGBackend::with_string(&mut svg, size).into_drawing_area();
-        draw(&area)?;
-        area.present()?;
-    }
-    Ok(svg)
-}
-
-/// Text of the figures.
-pub fn text(colour: RGBColor) -> TextStyle<'static> {
-    ("sans-serif", TEXT).into_font().color(&colour)
-}
-
-/// Room for the longest of some texts.
-fn width_of(texts: &[String]) -> u32 {
-    let longest = texts.iter().map(|text| text.chars().count()).max();
-    // The mean width of a letter at this size in a wide font, with something to spare.
-    u32::try_from(longest.unwrap_or(0))
-        .unwrap_or(u32::MAX)
-        .saturating_mul(33)
-        / 2
-}
-
-/// About so many round ticks between two values.
-fn ticks(low: f64, high: f64, about: u32) -> Vec<f64> {
-    let rough = ((high - low) / f64::from(about)).max(f64::MIN_POSITIVE);
+/// About so many round ticks in a range.
+fn ticks(range: &Range<f64>, about: u32) -> Vec<f64> {
+    let rough = ((range.end - range.start) / f64::from(about)).max(f64::MIN_POSITIVE);
     let power = 10_f64.powf(rough.log10().floor());
-    let step = [1.0, 2.0, 5.0, 10.0]
-        .map(|factor| factor * power)
-        .into_iter()
-        .find(|&step| step >= rough * 0.999)
-        .unwrap_or(rough);
-    let first = (low / step - 1e-9).ceil();
-    (0_u32..1000)
-        .map(|index| (first + f64::from(index)) * step)
-        .take_while(|&tick| tick <= high + 1e-9 * step)
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
+    let step = steps.into_iter().find(|&step| step >= rough * 0.999);
+    let step = step.unwrap_or(rough);
+    let first = (range.start / step - 1e-9).ceil();
+    let all = (0_u32..1000).map(|index| (first + f64::from(index)) * step);
+    all.take_while(|&tick| tick <= range.end + 1e-9 * step)
         .collect()
-}
-
-/// Draws its axes with their names and the grid; rows with names of their own have no lines.
-fn draw_axes(chart: &mut Plane<'_, '_>, [x, y]: [&str; 2]) -> Result<(), PlotError> {
-    let spec = chart.as_coord_spec();
-    let (across, upwards) = (spec.x_spec().clone(), spec.y_spec().clone());
-    let mut mesh = chart.configure_mesh();
-    if !upwards.names.is_empty() {
-        mesh.disable_y_mesh();
-    }
-    mesh.light_line_style(GRID.mix(0.5))
-        .bold_line_style(GRID)
-        .axis_style(SOFT)
-        .label_style(text(INK))
-        .axis_desc_style(text(SOFT))
-        .x_desc(x)
-        .y_desc(y)
-        .x_label_formatter(&|x| across.written(*x))
-        .y_label_formatter(&|y| upwards.written(*y))
-        .draw()?;
-    Ok(())
 }
 
 /// How a series is drawn.
@@ -370,20 +175,25 @@ pub enum Mark {
     Cross,
     /// A large filled circle.
     Disc,
-    /// A line between every two points, so thick (pixels).
-    Segments(u32),
-    /// A rectangle between every two points, with an opacity.
-    Bars(f64),
-    /// A translucent area with these corners.
-    Area,
+    /// A line between every two points, so thick.
+    Segments(f64),
+    /// An area with these corners, of this opacity.
+    Area(f64),
 }
 
-/// The corners of a filled mark with straight sides (pixels from its middle).
-const fn corners(mark: Mark) -> &'static [(i32, i32)] {
-    match mark {
-        Mark::Square => &[(-10, -10), (10, -10), (10, 10), (-10, 10)],
-        Mark::Diamond => &[(-14, 0), (0, -14), (14, 0), (0, 14)],
-        _ => &[(-13, 10), (13, 10), (0, -13)],
+impl Mark {
+    /// The outline about a point and the thickness of its line, if it is not filled; none of what is no mark of single points.
+    const fn symbol(self) -> Option<(&'static str, Option<f64>)> {
+        Some(match self {
+            Self::Dot => ("M-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0", None),
+            Self::Disc => ("M-10 0a10 10 0 1 0 20 0a10 10 0 1 0-20 0", None),
+            Self::Ring => ("M-15 0a15 15 0 1 0 30 0a15 15 0 1 0-30 0", Some(3.0)),
+            Self::Cross => ("M-9-9L9 9M-9 9L9-9", Some(5.0)),
+            Self::Square => ("M-10-10h20v20h-20z", None),
+            Self::Triangle => ("M-13 10h26L0-13z", None),
+            Self::Diamond => ("M-14 0L0-14 14 0 0 14z", None),
+            Self::Line | Self::Dashed | Self::Segments(_) | Self::Area(_) => return None,
+        })
     }
 }
 
@@ -391,7 +201,7 @@ const fn corners(mark: Mark) -> &'static [(i32, i32)] {
 pub struct Series {
     /// What it is called in the legend; without a name it is not there.
     name: String,
-    colour: RGBColor,
+    colour: &'static str,
     mark: Mark,
     points: Vec<(f64, f64)>,
     /// What is read at each point when it is pointed at.
@@ -400,12 +210,17 @@ pub struct Series {
 
 impl Series {
     /// A series; the points are in the axes' units.
-    pub fn new(name: &str, colour: RGBColor, mark: Mark, points: Vec<(f64, f64)>) -> Self {
+    pub fn new(
+        name: &str,
+        colour: &'static str,
+        mark: Mark,
+        points: impl IntoIterator<Item = (f64, f64)>,
+    ) -> Self {
         Self {
             name: shortened(name, LONGEST_NAME),
             colour,
             mark,
-            points,
+            points: points.into_iter().collect(),
             tips: Vec::new(),
         }
     }
@@ -418,144 +233,320 @@ impl Series {
     }
 
     /// A value between the ends of its interval, at a height: `[low, value, high]`.
-    pub fn interval([low, value, high]: [f64; 3], y: f64, colour: RGBColor) -> [Self; 2] {
+    pub fn interval([low, value, high]: [f64; 3], y: f64, colour: &'static str) -> [Self; 2] {
         let cap = |x: f64| [(x, y - 0.16), (x, y + 0.16)];
         let lines = [[(low, y), (high, y)], cap(low), cap(high)].concat();
-        let lines = Self::new("", colour, Mark::Segments(5), lines);
-        [lines, Self::new("", colour, Mark::Disc, vec![(value, y)])]
+        let lines = Self::new("", colour, Mark::Segments(5.0), lines);
+        [lines, Self::new("", colour, Mark::Disc, [(value, y)])]
     }
 
-    fn draw(&self, plane: &mut Plane<'_, '_>) -> Result<(), PlotError> {
-        let points = self.points.iter().copied();
-        let (colour, thick) = (self.colour, self.colour.stroke_width(3));
-        match self.mark {
-            Mark::Line => drop(plane.draw_series(LineSeries::new(points, thick))?),
-            Mark::Dashed => drop(plane.draw_series(DashedLineSeries::new(points, 10, 7, thick))?),
-            Mark::Segments(width) => {
-                let pairs = self.points.chunks(2);
-                let line = |pair: &[_]| PathElement::new(pair.to_vec(), colour.stroke_width(width));
-                plane.draw_series(pairs.map(line))?;
-            }
-            Mark::Bars(opacity) => {
-                let pairs = self.points.chunks_exact(2);
-                let style = colour.mix(opacity).filled();
-                plane.draw_series(pairs.map(|pair| Rectangle::new([pair[0], pair[1]], style)))?;
-            }
-            Mark::Area => {
-                let area = Polygon::new(self.points.clone(), colour.mix(0.35).filled());
-                plane.draw_series([area])?;
-            }
-            _ => {
-                let area = plane.plotting_area().strip_coord_spec();
-                let (left, top) = area.get_base_pixel();
-                for point in points {
-                    let (x, y) = plane.backend_coord(&point);
-                    self.draw_mark(&area, (x - left, y - top))?;
-                }
-            }
+    /// Its picture of points in units of the drawing.
+    fn picture(&self, places: &[(f64, f64)]) -> String {
+        let colour = self.colour;
+        if let Some((outline, thick)) = self.mark.symbol() {
+            let style = thick.map_or_else(
+                || format!("fill=\"{colour}\""),
+                |thick| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\""),
+            );
+            let symbol = |(x, y): &(f64, f64)| {
+                format!("<path transform=\"translate({x:.1} {y:.1})\" d=\"{outline}\" {style}/>\n")
+            };
+            return places.iter().map(symbol).collect();
         }
-        Ok(())
-    }
-
-    fn draw_mark(&self, area: &Area<'_>, (x, y): (i32, i32)) -> Result<(), PlotError> {
-        let (thick, filled) = (self.colour.stroke_width(3), self.colour.filled());
-        match self.mark {
-            Mark::Dot => area.draw(&Circle::new((x, y), 6, filled))?,
-            Mark::Disc => area.draw(&Circle::new((x, y), 10, filled))?,
-            Mark::Ring => area.draw(&Circle::new((x, y), 15, thick))?,
-            Mark::Cross => area.draw(&Cross::new((x, y), 9, self.colour.stroke_width(5)))?,
-            mark => {
-                let corners = corners(mark).iter().map(|(dx, dy)| (x + dx, y + dy));
-                area.draw(&Polygon::new(corners.collect::<Vec<_>>(), filled))?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Draws its entry of a legend.
-    fn draw_entry(&self, area: &Area<'_>, (x, y): (i32, i32)) -> Result<(), PlotError> {
-        let line = |from: i32, to: i32| {
-            PathElement::new([(x + from, y), (x + to, y)], self.colour.stroke_width(3))
+        let path = |places: &[(f64, f64)]| {
+            let corners = places.iter().map(|(x, y)| format!("{x:.1} {y:.1}"));
+            format!("M{}", corners.collect::<Vec<_>>().join("L"))
+        };
+        let line = |thick: f64, d: &str, dashes: &str| {
+            format!(
+                "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\"{dashes} d=\"{d}\"/>\n"
+            )
         };
         match self.mark {
-            Mark::Line => area.draw(&line(0, 34))?,
-            Mark::Dashed => {
-                area.draw(&line(0, 13))?;
-                area.draw(&line(21, 34))?;
+            _ if places.is_empty() => String::new(),
+            Mark::Area(opacity) => format!(
+                "<path fill=\"{colour}\" fill-opacity=\"{opacity}\" d=\"{}z\"/>\n",
+                path(places)
+            ),
+            Mark::Segments(thick) => {
+                let pairs: String = places.chunks(2).map(path).collect();
+                line(thick, &pairs, "")
             }
-            _ => self.draw_mark(area, (x + 17, y))?,
+            Mark::Dashed => line(3.0, &path(places), " stroke-dasharray=\"10 7\""),
+            _ => line(3.0, &path(places), ""),
         }
-        let style = text(INK).pos(Pos::new(HPos::Left, VPos::Center));
-        area.draw(&Text::new(self.name.clone(), (x + 48, y), style))?;
-        Ok(())
     }
+}
+
+/// Series over two axes.
+pub struct Chart {
+    /// Along x, and upwards.
+    pub axes: [ChartAxis; 2],
+    /// What they show, with units.
+    pub names: [String; 2],
+    /// What stands to the right of each row, from the top, of a chart of rows.
+    pub notes: Vec<String>,
+    /// What is drawn, in this order.
+    pub series: Vec<Series>,
 }
 
 impl Chart {
-    /// Draws its axes, and the names of its series off the data, beside it or, where it is narrow, above.
-    fn plane<'a, 'b>(&self, area: &'a Area<'b>) -> Result<Plane<'a, 'b>, PlotError> {
-        const LINE: u32 = 46;
-        let named = || self.series.iter().filter(|each| !each.name.is_empty());
-        let entries: Vec<String> = named().map(|each| each.name.clone()).collect();
-        let width = area.dim_in_pixel().0;
-        let is_wide = width >= WHOLE;
-        let (above, beside) = match pixels(entries.len()) {
-            0 => (0, 0),
-            _ if is_wide => (0, 70 + width_of(&entries)),
-            count => (count.div_ceil(2) * LINE, 0),
-        };
-        let [mut x, y] = self.axes.clone();
-        // Names that are too long to stand beside one another are in several lines by turns.
-        let room = width.saturating_sub(140 + beside).max(1);
-        let needed = width_of(&x.names) * pixels(x.names.len());
-        let lines = needed.div_ceil(room).clamp(1, 4);
-        let ticks = x.ticks.clone();
-        // Half of the last name stands beyond the axis.
-        let beside = beside.max(width_of(x.names.last().map_or(&[], std::slice::from_ref)) / 2);
-        let below = match lines {
-            1 => Vec::new(),
-            _ => std::mem::replace(&mut x.names, vec![String::new(); ticks.len()]),
-        };
-        let mut chart = ChartBuilder::on(area)
-            .margin(14)
-            .margin_top(14 + above)
-            .margin_right(14 + beside)
-            .x_label_area_size(78 + LINE * (lines - 1))
-            .y_label_area_size(112)
-            .build_cartesian_2d(x, y)?;
-        draw_axes(&mut chart, self.names.each_ref().map(String::as_str))?;
-        let (left, top) = area.get_base_pixel();
-        let (across, down) = chart.plotting_area().get_pixel_range();
-        for (row, each) in (0..).zip(named()) {
-            let at = if is_wide {
-                (
-                    across.end - left + 24,
-                    down.start - top + signed(LINE * row) + 23,
-                )
-            } else {
-                (
-                    112 + signed(row % 2 * (width / 2 - 50)),
-                    28 + signed(LINE * (row / 2)),
-                )
-            };
-            each.draw_entry(area, at)?;
+    /// With what its axes show.
+    pub fn new(axes: [ChartAxis; 2], names: [&str; 2], series: Vec<Series>) -> Self {
+        Self {
+            axes,
+            names: names.map(str::to_owned),
+            notes: Vec::new(),
+            series,
         }
-        let style = text(INK).pos(Pos::new(HPos::Center, VPos::Top));
-        for (row, (tick, name)) in (0..).zip(ticks.into_iter().zip(below)) {
-            let (x, _) = chart.backend_coord(&(tick, 0.0));
-            let y = down.end - top + 12 + signed(LINE * (row % lines));
-            area.draw(&Text::new(name, (x - left, y), style.clone()))?;
+    }
+
+    /// With a named row for each thing, from top to bottom, and a note to the right of each; the title says what the axis shows.
+    pub fn of_rows(
+        rows: impl IntoIterator<Item = (String, String)>,
+        axis: ChartAxis,
+        title: &str,
+        series: Vec<Series>,
+    ) -> Self {
+        let (names, notes): (Vec<String>, Vec<String>) = rows.into_iter().unzip();
+        let count = names.len();
+        let named =
+            |(row, name): (usize, &String)| (middle(count, row), shortened(name, LONGEST_NAME));
+        let rows = ChartAxis {
+            range: 0.0..count as f64,
+            ticks: names.iter().enumerate().map(named).collect(),
+            minor: Vec::new(),
+        };
+        Self {
+            notes,
+            ..Self::new([axis, rows], [title, ""], series)
         }
-        Ok(chart)
+    }
+
+    /// The rms residual error (um) over numbers of measurements, both logarithmic, as far as the series go.
+    pub fn of_accuracy(mut series: Vec<Series>) -> Self {
+        for (x, y) in series.iter_mut().flat_map(|each| &mut each.points) {
+            (*x, *y) = (x.log10(), y.log10());
+        }
+        let axis = |of: fn(&(f64, f64)) -> f64| {
+            let values = series.iter().flat_map(|each| &each.points).map(of);
+            ChartAxis::logarithmic(reach(values, 0.05, 0.02))
+        };
+        let mut axes = [axis(|point| point.0), axis(|point| point.1)];
+        let is_whole = |tick: f64| (10_f64.powf(tick) + 0.5).fract() - 0.5;
+        axes[0]
+            .ticks
+            .retain(|(tick, _)| is_whole(*tick).abs() < 1e-9);
+        let error = "\u{3c1}\u{2080}, rms residual error [\u{b5}m]";
+        Self::new(axes, ["measurements", error], series)
+    }
+
+    /// The series that the legend names.
+    fn named(&self) -> impl Iterator<Item = &Series> {
+        (self.series.iter()).filter(|each| !each.name.is_empty())
+    }
+
+    /// A figure of a page, under a name.
+    pub fn figure(&self, width: f64, name: &str) -> String {
+        let class = if width >= WHOLE { "whole" } else { "half" };
+        let height = match self.notes.len() {
+            0 => HEIGHT,
+            rows => AXIS + ROW * rows as f64,
+        };
+        format!(
+            "<svg class=\"{class}\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\" {}>\n{}</svg>",
+            escaped(name),
+            letters(TEXT),
+            self.drawing([width, height], "")
+        )
+    }
+
+    /// A file of its own.
+    pub fn file(&self, title: &str) -> String {
+        let size = [WHOLE, 840.0];
+        file(size, &self.drawing(size, title))
+    }
+
+    /// Its drawing (SVG) of a width and a height, with what is to be read at its points; the title stands above.
+    pub fn drawing(&self, [width, height]: [f64; 2], title: &str) -> String {
+        let plane = Plane::new(self, [width, height], title);
+        let [left, right] = plane.across;
+        let mut svg = heading(title, f64::midpoint(left, right));
+        svg += &(plane.grid() + &plane.legend(width));
+        let mut tips = String::new();
+        for each in &self.series {
+            let places: Vec<_> = each.points.iter().map(|point| plane.at(*point)).collect();
+            svg += &each.picture(&places);
+            for ((x, y), words) in places.iter().zip(&each.tips) {
+                let words = escaped(words);
+                let _ = writeln!(
+                    tips,
+                    "<circle class=\"tip\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"22\"><title>{words}</title></circle>"
+                );
+            }
+        }
+        svg + &tips
     }
 }
 
-fn pixels(count: usize) -> u32 {
-    u32::try_from(count).unwrap_or(u32::MAX)
+/// The height of the middle of a row on the y axis of a chart of so many rows, which have height one.
+pub fn middle(rows: usize, row: usize) -> f64 {
+    (rows - row) as f64 - 0.5
 }
 
-fn signed(pixels: u32) -> i32 {
-    i32::try_from(pixels).unwrap_or(i32::MAX)
+/// Drawings (SVG) as a file of its own, on white.
+pub fn file([width, height]: [f64; 2], drawings: &str) -> String {
+    let fixed = |svg: String, (of_page, own): &(&str, &str)| svg.replace(of_page, own);
+    let svg = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" {}>\n\
+         <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{drawings}</svg>\n",
+        letters(TEXT)
+    );
+    ON_WHITE.iter().fold(svg, fixed)
+}
+
+/// The title of a drawing above the middle of its plane; nothing without one.
+pub fn heading(title: &str, middle: f64) -> String {
+    if title.is_empty() {
+        return String::new();
+    }
+    let style = format!("text-anchor=\"middle\" font-size=\"{}\"", TEXT + 5.0);
+    text((middle, 0.64 * TITLE), title, &style)
+}
+
+fn letters(size: f64) -> String {
+    format!("font-family=\"sans-serif\" font-size=\"{size}\" fill=\"{INK}\"")
+}
+
+fn text((x, y): (f64, f64), words: &str, style: &str) -> String {
+    let words = escaped(words);
+    format!("<text x=\"{x:.1}\" y=\"{y:.1}\" {style}>{words}</text>\n")
+}
+
+/// Room for the longest of some texts.
+fn width_of<'t>(texts: impl IntoIterator<Item = &'t String>) -> f64 {
+    let longest = texts.into_iter().map(|text| text.chars().count()).max();
+    LETTER * longest.unwrap_or(0) as f64
+}
+
+/// Where a chart is in its drawing.
+struct Plane<'a> {
+    chart: &'a Chart,
+    /// From left to right, and from the lower to the upper end.
+    across: [f64; 2],
+    upwards: [f64; 2],
+    /// Whether the legend stands beside it, not above.
+    is_wide: bool,
+    /// So many lines have the names along x, by turns, where they are too long to stand beside one another.
+    lines: usize,
+}
+
+impl<'a> Plane<'a> {
+    fn new(chart: &'a Chart, [width, height]: [f64; 2], title: &str) -> Self {
+        let is_wide = width >= WHOLE;
+        let ([x, y], [x_name, y_name]) = (&chart.axes, &chart.names);
+        let names = || chart.named().map(|each| &each.name);
+        let room = |is_there: bool, room: f64| if is_there { room } else { 0.0 };
+        let legend = [
+            room(!is_wide, LINE * names().count().div_ceil(2) as f64),
+            room(is_wide && names().count() > 0, 84.0 + width_of(names())),
+        ];
+        let above = MARGIN + legend[0] + room(!title.is_empty(), TITLE);
+        // Half of the last name stands beyond the axis.
+        let beyond = 0.5 * width_of(x.labels().last());
+        let beside = legend[1].max(beyond).max(width_of(&chart.notes));
+        let across = [
+            MARGIN + 12.0 + width_of(y.labels()) + room(!y_name.is_empty(), LINE),
+            width - MARGIN - beside,
+        ];
+        let needed = width_of(x.labels()) * x.ticks.len() as f64;
+        let lines = (1..4).find(|&lines| needed <= (across[1] - across[0]) * lines as f64);
+        let lines = lines.unwrap_or(4);
+        let below = lines as f64 * LINE + room(!x_name.is_empty(), 32.0);
+        Self {
+            chart,
+            across,
+            upwards: [height - below, above],
+            is_wide,
+            lines,
+        }
+    }
+
+    /// Where a point is.
+    fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
+        let [across, upwards] = &self.chart.axes;
+        (across.place(x, self.across), upwards.place(y, self.upwards))
+    }
+
+    /// The axes with their names and the grid; rows with names of their own have no lines.
+    fn grid(&self) -> String {
+        let ([x, y], [left, right], [bottom, top]) = (&self.chart.axes, self.across, self.upwards);
+        let has_lines = self.chart.notes.is_empty();
+        let mut svg = String::new();
+        let mut line = |colour: &str, opacity: f64, d: String| {
+            let _ = writeln!(
+                svg,
+                "<path fill=\"none\" stroke=\"{colour}\" stroke-opacity=\"{opacity}\" d=\"{d}\"/>"
+            );
+        };
+        let upright = |tick: &f64| format!("M{:.1} {bottom:.1}V{top:.1}", self.at((*tick, 0.0)).0);
+        let level = |tick: &f64| format!("M{left:.1} {:.1}H{right:.1}", self.at((0.0, *tick)).1);
+        let majors = |axis: &ChartAxis| axis.ticks.iter().map(|each| each.0).collect::<Vec<f64>>();
+        for (opacity, of_x, of_y) in [(0.5, &x.minor, &y.minor), (1.0, &majors(x), &majors(y))] {
+            let levels = of_y.iter().map(level).filter(|_| has_lines);
+            let lines = of_x.iter().map(upright).chain(levels);
+            lines.for_each(|d| line(GRID, opacity, d));
+        }
+        line(
+            SOFT,
+            1.0,
+            format!("M{left:.1} {top:.1}V{bottom:.1}H{right:.1}"),
+        );
+        for (place, (tick, label)) in x.ticks.iter().enumerate() {
+            let down = bottom + 12.0 + 0.75 * TEXT + LINE * (place % self.lines) as f64;
+            svg += &text(
+                (self.at((*tick, 0.0)).0, down),
+                label,
+                "text-anchor=\"middle\"",
+            );
+        }
+        for (tick, label) in &y.ticks {
+            let height = self.at((0.0, *tick)).1 + 0.35 * TEXT;
+            svg += &text((left - 12.0, height), label, "text-anchor=\"end\"");
+        }
+        let rows = self.chart.notes.iter().enumerate();
+        for (row, note) in rows {
+            let (_, height) = self.at((0.0, middle(self.chart.notes.len(), row)));
+            svg += &text((right + MARGIN, height + 0.35 * TEXT), note, "");
+        }
+        let [x_name, y_name] = &self.chart.names;
+        let soft = format!("text-anchor=\"middle\" fill=\"{SOFT}\"");
+        let below = bottom + 12.0 + LINE * self.lines as f64 + 0.3 * TEXT;
+        svg += &text((f64::midpoint(left, right), below), x_name, &soft);
+        let (x, y) = (MARGIN + 0.75 * TEXT, f64::midpoint(top, bottom));
+        let turned = format!("{soft} transform=\"rotate(-90 {x:.1} {y:.1})\"");
+        svg + &text((x, y), y_name, &turned)
+    }
+
+    /// The names of series off the data: beside it or, where it is narrow, above in two columns.
+    fn legend(&self, width: f64) -> String {
+        let mut svg = String::new();
+        for (row, each) in self.chart.named().enumerate() {
+            let (x, y) = if self.is_wide {
+                (self.across[1] + 24.0, self.upwards[1] + LINE * row as f64)
+            } else {
+                let column = (row % 2) as f64 * (0.5 * width - LINE);
+                (self.across[0] + column, MARGIN + LINE * (row / 2) as f64)
+            };
+            let y = y + 0.5 * LINE;
+            svg += &match each.mark.symbol() {
+                Some(_) => each.picture(&[(x + 17.0, y)]),
+                None => each.picture(&[(x, y), (x + 34.0, y)]),
+            };
+            svg += &text((x + 48.0, y + 0.35 * TEXT), &each.name, "");
+        }
+        svg
+    }
 }
 
 #[cfg(test)]
@@ -569,5 +560,12 @@ mod tests {
         let narrow = ChartAxis::logarithmic(0.36..0.77);
         assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
         assert!(ChartAxis::logarithmic(0.62..0.68).ticks.len() >= 3);
+    }
+
+    #[test]
+    fn plans_have_colours_of_their_own_and_the_reference_its_own() {
+        let colours = plan_colours([true, false, false]);
+        assert_eq!(colours, [REFERENCE, COLOURS[0], COLOURS[1]]);
+        assert_eq!(plan_colours([false, true])[0], colours[1]);
     }
 }

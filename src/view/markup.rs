@@ -1,7 +1,81 @@
-//! Small pieces of HTML and SVG. Whatever is given as text is escaped here.
+//! Pages: templates of HTML, filled with records. Whatever is filled in as text is escaped here.
 
+use minijinja::{AutoEscape, Environment, Output, State, UndefinedBehavior, Value};
+use serde::Serialize;
+use serde_json::json;
+use thiserror::Error;
+
+use crate::text::wording::{counted, dash, duration, micrometres, number, percent, significant};
+
+/// The templates, which may import one another.
+const TEMPLATES: [(&str, &str); 10] = [
+    ("still.svg", include_str!("pages/still.svg")),
+    ("framed.svg", include_str!("pages/framed.svg")),
+    ("stills.svg", include_str!("pages/stills.svg")),
+    ("stills.html", include_str!("pages/stills.html")),
+    ("page.html", include_str!("pages/page.html")),
+    ("parts.html", include_str!("pages/parts.html")),
+    ("run.html", include_str!("pages/run.html")),
+    ("readings.html", include_str!("pages/readings.html")),
+    ("study.html", include_str!("pages/study.html")),
+    ("run_sheet.html", include_str!("pages/run_sheet.html")),
+];
 /// The style of all pages.
-const STYLE: &str = include_str!("report/style.css");
+const STYLE: &str = include_str!("pages/style.css");
+
+/// A page could not be made of its template.
+#[derive(Debug, Error)]
+#[error("the page could not be made: {0:#}")]
+pub struct PageError(#[from] minijinja::Error);
+
+/// A page, which loads nothing, of a template and what it shows; the title stands on the browser's tab.
+///
+/// # Errors
+/// See [`PageError`].
+pub fn rendered(title: &str, template: &str, shown: &impl Serialize) -> Result<String, PageError> {
+    let body = filled(template, shown)?;
+    filled(
+        "page.html",
+        &json!({ "title": title, "style": STYLE, "body": body }),
+    )
+}
+
+/// A template with what it shows.
+///
+/// # Errors
+/// The template asks for what is not there.
+pub fn filled(template: &str, shown: &impl Serialize) -> Result<String, PageError> {
+    let mut pages = Environment::new();
+    pages.set_undefined_behavior(UndefinedBehavior::Strict);
+    pages.set_trim_blocks(true);
+    pages.set_lstrip_blocks(true);
+    pages.set_keep_trailing_newline(true);
+    pages.set_auto_escape_callback(|_| AutoEscape::Html);
+    pages.set_formatter(written);
+    pages.add_filter("counted", |count: u64, what: String| counted(count, &what));
+    pages.add_filter("duration", duration);
+    pages.add_filter("um", micrometres);
+    pages.add_filter("number", number);
+    pages.add_filter("percent", percent);
+    pages.add_filter("significant", |value: Option<f64>, digits: usize| {
+        value.map_or_else(dash, |value| significant(value, digits))
+    });
+    pages.add_filter("unit", |text: String| micro_sign(&text));
+    for (name, text) in TEMPLATES {
+        pages.add_template(name, text)?;
+    }
+    Ok(pages.get_template(template)?.render(shown)?)
+}
+
+/// Writes a value into a page: text is escaped, and what is not there is nothing.
+fn written(to: &mut Output<'_>, _: &State<'_, '_>, value: &Value) -> Result<(), minijinja::Error> {
+    let text = match value {
+        value if value.is_none() => String::new(),
+        value if value.is_safe() => value.to_string(),
+        value => escaped(&value.to_string()),
+    };
+    Ok(to.write_str(&text)?)
+}
 
 /// Text as it stands in HTML and SVG, in attributes too.
 pub fn escaped(text: &str) -> String {
@@ -42,72 +116,4 @@ pub fn with_unbroken_vectors(text: &str) -> String {
 /// A unit as pages print it, not as terminals do.
 pub fn micro_sign(unit: &str) -> String {
     unit.replace("1e-6 ", "\u{b5}").replace("um", "\u{b5}m")
-}
-
-/// A whole page, which loads nothing. `body` is HTML.
-pub fn page(title: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{}</title>\n<link rel=\"icon\" href=\"data:,\">\n<style>\n{STYLE}</style>\n</head>\n<body>\n\
-         <main>\n{body}</main>\n</body>\n</html>\n",
-        escaped(title)
-    )
-}
-
-/// A section with a title; `body` is HTML.
-pub fn section(id: &str, title: &str, body: &str) -> String {
-    format!(
-        "<section id=\"{}\">\n<h2>{}</h2>\n{body}</section>\n",
-        escaped(id),
-        escaped(title)
-    )
-}
-
-/// A paragraph of text.
-pub fn paragraph(text: &str) -> String {
-    format!("<p>{}</p>\n", escaped(text))
-}
-
-/// A paragraph for each text that says something.
-pub fn paragraphs(texts: impl IntoIterator<Item = String>) -> String {
-    let texts = texts.into_iter().filter(|text| !text.is_empty());
-    texts.map(|text| paragraph(&text)).collect()
-}
-
-/// A figure of a drawing (SVG) with its caption.
-pub fn figure(svg: &str, caption: &str) -> String {
-    format!(
-        "<figure>\n<div class=\"wide\">{svg}</div>\n<figcaption>{}</figcaption>\n</figure>\n",
-        escaped(caption)
-    )
-}
-
-/// A table; the first column is text, the others are numbers.
-pub fn table_of(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let cells = |row: Vec<String>| row.iter().map(|text| cell(text)).collect();
-    table_of_cells(header, rows.into_iter().map(cells))
-}
-
-/// A cell of text.
-pub fn cell(text: &str) -> String {
-    format!("<td>{}</td>", escaped(text))
-}
-
-/// The same with rows of cells (HTML).
-pub fn table_of_cells(
-    header: &[impl AsRef<str>],
-    rows: impl IntoIterator<Item = String>,
-) -> String {
-    let mut head = String::new();
-    for name in header {
-        head += &format!("<th>{}</th>", escaped(name.as_ref()));
-    }
-    let mut body = String::new();
-    for cells in rows {
-        body += &format!("<tr>{cells}</tr>\n");
-    }
-    format!(
-        "<div class=\"wide\"><table>\n<thead><tr>{head}</tr>\n</thead>\n<tbody>\n{body}</tbody>\n</table></div>\n"
-    )
 }

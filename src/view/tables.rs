@@ -1,5 +1,7 @@
 //! Tables of records, for pages, terminals and the texts of recordings alike.
 
+use serde::Serialize;
+
 use crate::calibration::rms_m;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::ReadingsRunMessage;
@@ -8,7 +10,7 @@ use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
 use crate::text::wording::{dash, inverse_interval, joined, number, percent, shortened};
 use crate::text::{for_terminal, markdown_text};
-use crate::view::markup::{micro_sign, table_of};
+use crate::view::markup::micro_sign;
 use crate::workflow::run::TriedPlan;
 
 /// Names of rows have at most so many characters.
@@ -20,37 +22,28 @@ pub fn aligned(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<St
     for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
         *name = shortened(name, LONGEST_NAME);
     }
-    let width = |column: usize| {
+    let header: Vec<String> = header.iter().map(|name| name.as_ref().to_owned()).collect();
+    rows.insert(0, header);
+    let longest = |column: usize| {
         rows.iter()
-            .map(|row| row[column].chars().count())
-            .chain([header[column].as_ref().chars().count()])
+            .map(move |row| row[column].chars().count())
             .max()
-            .unwrap_or(0)
     };
-    let widths: Vec<usize> = (0..header.len()).map(width).collect();
-    let line = |cells: &mut dyn Iterator<Item = &str>| {
-        let cells: Vec<String> = cells
-            .zip(&widths)
-            .enumerate()
-            .map(|(index, (cell, &width))| {
-                if index == 0 {
-                    format!("{cell:<width$}")
-                } else {
-                    format!("{cell:>width$}")
-                }
-            })
-            .collect();
-        format!("  {}\n", cells.join("  ").trim_end())
+    let widths = (0..rows[0].len()).map(|column| longest(column).unwrap_or(0));
+    let widths: Vec<usize> = widths.collect();
+    let line = |row: &Vec<String>| {
+        let cells = row.iter().zip(&widths).enumerate();
+        let cells = cells.map(|(index, (cell, &width))| match index {
+            0 => format!("{cell:<width$}"),
+            _ => format!("{cell:>width$}"),
+        });
+        format!("  {}\n", joined(cells, "  ").trim_end())
     };
-    let mut text = line(&mut header.iter().map(AsRef::as_ref));
-    for row in &rows {
-        text += &line(&mut row.iter().map(String::as_str));
-    }
-    text
+    rows.iter().map(line).collect()
 }
 
 /// A table; the first column is text, the others are numbers.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RecordTable {
     header: Vec<String>,
     rows: Vec<Vec<String>>,
@@ -66,11 +59,6 @@ impl RecordTable {
                 .collect(),
             rows: rows.into_iter().collect(),
         }
-    }
-
-    /// Of a page.
-    pub fn html(&self) -> String {
-        table_of(&self.header, self.rows.iter().cloned())
     }
 
     /// Of a terminal.

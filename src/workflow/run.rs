@@ -332,7 +332,7 @@ pub fn run_absolute<'a>(
     let runs = ReadingRuns::new(&setting, &studied).map_err(|error| unread(&error))?;
     let mut robots = runs.robots()?;
     let readings = (runs.measure(&mut robots, seed, RUN)).map_err(|error| unread(&error))?;
-    let carried_out = (runs.carried_out(&mut robots)).map_err(|error| unread(&error))?;
+    let did = (runs.carried_out(&mut robots)).map_err(|error| unread(&error))?;
 
     // Identify.
     let identified = identify_absolute(belief, &readings, groups, (weights, false));
@@ -364,7 +364,7 @@ pub fn run_absolute<'a>(
             (case, fit, &poses),
             readings,
         ),
-        carried_out,
+        carried_out: did.off_by([&before_m, &after_m]),
         identified,
         poses,
         random_rho0_m: random.map_err(none).ok(),

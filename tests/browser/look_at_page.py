@@ -57,10 +57,11 @@ LOOK = r"""
         if (width > 1 && height > 0.3 * lines) overlaps.push([name(texts[j]), name(texts[i])]);
       }
     const drawn = svg.querySelectorAll("line,rect,circle,polyline,polygon,path");
+    const pictures = [...svg.querySelectorAll("image")].map(each => each.getBBox());
     const content = svg.getBBox();
     return {
       label: label(svg), width_px: frame.width, height_px: frame.height,
-      content_px: [content.width, content.height], shapes: drawn.length, texts: texts.length,
+      content_px: [content.width, content.height], shapes: drawn.length, pictures_px: pictures.map(each => each.width), texts: texts.length,
       smallest_text_px: Math.min(...boxes.map(each => Math.min(each.width, each.height)), 1e9),
       outside, overlaps,
     };
@@ -218,8 +219,10 @@ def look(browser, page, given):
     seen["errors"] = [
         each["exceptionDetails"]["text"] for each in parameters("Runtime.exceptionThrown")
     ] + [each["entry"]["text"] for each in parameters("Log.entryAdded")]
+    # What stands in the page itself is not asked for.
     seen["requests"] = [
-        each["request"]["url"] for each in parameters("Network.requestWillBeSent")]
+        each["request"]["url"] for each in parameters("Network.requestWillBeSent")
+        if not each["request"]["url"].startswith("data:")]
     if given.paper:
         across, down = (side / MM_PER_INCH for side in paper)
         printed = call("Page.printToPDF", paperWidth=across, paperHeight=down, preferCSSPageSize=True,

@@ -616,7 +616,9 @@ fn the_stream_shows_a_gauge_and_no_tracker_where_a_gauge_reads() {
     assert_eq!(rows["/world/gauge"], steps);
     assert!(!rows.contains_key("/world/tracker_line"));
     assert!(!rows.contains_key("/world/surroundings/tracker"));
-    let sheet = Stills::of_plan(&scenario, &plan).sheet();
+    let sheet = Stills::of_plan(&scenario, &plan)
+        .sheet()
+        .expect("it can be drawn");
     assert!(!sheet.contains("stroke-dasharray"));
 }
 

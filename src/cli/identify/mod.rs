@@ -88,23 +88,17 @@ impl Identify {
     }
 
     /// Draws the patterns, where that is wanted.
-    fn draw_patterns(
-        &self,
-        scenario: &Scenario,
-        patterns: &Patterns,
-        report: &mut Report,
-    ) -> anyhow::Result<()> {
+    fn draw_patterns(&self, scenario: &Scenario, patterns: &Patterns, report: &mut Report) {
         let Some(path) = &self.plot_out else {
-            return Ok(());
+            return;
         };
         if patterns.found.is_empty() {
             let file = path.display();
             report.text +=
                 &format!("there are no patterns in the residuals to draw: {file} is not written\n");
-            return Ok(());
+            return;
         }
         let title = format!("{}: patterns in the residuals", scenario.name);
-        report.save(path, &patterns_plot(&title, patterns)?);
-        Ok(())
+        report.save(path, &patterns_plot(&title, patterns));
     }
 }

@@ -29,7 +29,7 @@ use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::{ReadingsRunMessage, quaternion};
 use crate::record::length::LengthField;
 use crate::record::messages::{
-    IdentificationMessage, MeasurementMessage, ProvenanceMessage, TestPoseMessage, thousandfold,
+    IdentificationMessage, MeasurementMessage, ProvenanceMessage, thousandfold,
 };
 use scene::stamp;
 
@@ -51,11 +51,19 @@ const JOINTS: &str = "/joint_states";
 const TRANSFORMS: &str = "/tf";
 const SCENE: &str = "/scene";
 
-/// A plan with its name.
+/// A message about a plan.
 #[derive(Debug, Serialize, JsonSchema)]
-struct NamedPlan<'a, T> {
-    /// The name.
+struct OfPlan<'a, T> {
+    /// The plan's name.
     calibration: &'a str,
+    /// What is said of it.
+    #[serde(flatten)]
+    said: T,
+}
+
+/// A plan.
+#[derive(Debug, Serialize, JsonSchema)]
+struct PlanRows<'a, T> {
     /// The experiments, or the rows of absolute readings.
     plan: &'a [T],
 }
@@ -63,8 +71,6 @@ struct NamedPlan<'a, T> {
 /// What was identified with a plan.
 #[derive(Debug, Serialize, JsonSchema)]
 struct IdentificationRecord<'a> {
-    /// The plan's name.
-    calibration: &'a str,
     /// The results.
     #[serde(flatten)]
     identification: &'a IdentificationMessage,
@@ -75,8 +81,6 @@ struct IdentificationRecord<'a> {
 /// What was identified with a plan of absolute readings.
 #[derive(Debug, Serialize, JsonSchema)]
 struct IdentifiedReadings<'a> {
-    /// The plan's name.
-    calibration: &'a str,
     /// The results.
     #[serde(flatten)]
     identification: &'a AbsoluteMessage,
@@ -87,8 +91,6 @@ struct IdentifiedReadings<'a> {
 /// An absolute reading in its place in the plan.
 #[derive(Debug, Serialize, JsonSchema)]
 struct ReadingRecord<'a> {
-    /// The plan's name.
-    calibration: &'a str,
     /// The number of the row in the plan, from 1.
     row: usize,
     /// The number of the repeat, from 1.
@@ -112,21 +114,9 @@ struct ReadingRecord<'a> {
     length_residual_mm: Option<f64>,
 }
 
-/// What compensation with these results achieves at a test pose.
-#[derive(Debug, Serialize, JsonSchema)]
-struct TestPoseRecord<'a> {
-    /// The plan's name.
-    calibration: &'a str,
-    /// The test pose.
-    #[serde(flatten)]
-    pose: &'a TestPoseMessage,
-}
-
 /// A measurement in its place in the plan.
 #[derive(Debug, Serialize, JsonSchema)]
-struct MeasurementRecord<'a> {
-    /// The plan's name.
-    calibration: &'a str,
+struct MeasurementRecord {
     /// The number of the experiment in the plan, from 1.
     experiment: usize,
     /// The number of the repeat, from 1.
@@ -150,9 +140,7 @@ struct MeasurementRecord<'a> {
 
 /// What the virtual robot does in a step.
 #[derive(Debug, Serialize, JsonSchema)]
-struct StepRecord<'a> {
-    /// The plan's name.
-    calibration: &'a str,
+struct StepRecord {
     /// What it is, in words.
     title: String,
     /// The commanded joint angles (deg).
@@ -228,15 +216,15 @@ impl<W: Write + Seek> Channels<W> {
         let start = Duration::ZERO;
         self.write(&PROVENANCE, start, &recording.provenance)?;
         for each in &recording.calibrations {
-            let calibration = each.record.name();
+            let name = each.record.name();
             match &each.record {
                 PlanRecord::Deflections(record) => {
                     let plan = &record.plan;
-                    self.write(&PLAN, start, &NamedPlan { calibration, plan })?;
+                    self.write_of(&PLAN, start, name, PlanRows { plan })?;
                 }
                 PlanRecord::Readings(record) => {
                     let plan = &record.plan;
-                    self.write(&READINGS_PLAN, start, &NamedPlan { calibration, plan })?;
+                    self.write_of(&READINGS_PLAN, start, name, PlanRows { plan })?;
                 }
             }
         }
@@ -264,7 +252,6 @@ impl<W: Write + Seek> Channels<W> {
                 }
                 let commands = &calibration.commands;
                 let record = StepRecord {
-                    calibration: calibration.record.name(),
                     title: calibration.title(step),
                     q_commanded_deg: commands.numbers(step.commanded_rad.as_slice()),
                     q_unloaded_deg: commands.all_numbers(&step.unloaded.q_rad),
@@ -273,7 +260,7 @@ impl<W: Write + Seek> Channels<W> {
                     displacement_mm: thousandfold(&step.displacement_m()),
                     enlargement: step.enlargement,
                 };
-                self.write(&STEPS, now, &record)?;
+                self.write_of(&STEPS, now, calibration.record.name(), record)?;
                 self.draw(TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
                 self.draw(SCENE, now, &annotations)?;
@@ -310,7 +297,8 @@ impl<W: Write + Seek> Channels<W> {
                 PlanRecord::Deflections(record) => record,
                 PlanRecord::Readings(record) => {
                     let place = (number, repeat, index);
-                    self.write(&READINGS, now, &reading_record(record, place, read))?;
+                    let reading = reading_record(record, place, read);
+                    self.write_of(&READINGS, now, all.name(), reading)?;
                     continue;
                 }
             };
@@ -325,7 +313,6 @@ impl<W: Write + Seek> Channels<W> {
             let (residual_mm, displacement_residual_mm) =
                 read(record.identification.residuals_mm.get(index).copied());
             let message = MeasurementRecord {
-                calibration: &record.name,
                 experiment: *number,
                 repeat,
                 measurement,
@@ -336,7 +323,7 @@ impl<W: Write + Seek> Channels<W> {
                 residual_mm,
                 displacement_residual_mm,
             };
-            self.write(&MEASUREMENTS, now, &message)?;
+            self.write_of(&MEASUREMENTS, now, all.name(), message)?;
         }
         Ok(now)
     }
@@ -348,29 +335,37 @@ impl<W: Write + Seek> Channels<W> {
         now: Duration,
     ) -> Result<(), McapError> {
         let all = &calibration.record;
-        let calibration = all.name();
         match all {
             PlanRecord::Deflections(record) => {
                 let identification = IdentificationRecord {
-                    calibration,
                     identification: &record.identification,
                     true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
                 };
-                self.write(&IDENTIFICATION, now, &identification)?;
+                self.write_of(&IDENTIFICATION, now, all.name(), identification)?;
             }
             PlanRecord::Readings(record) => {
                 let identification = IdentifiedReadings {
-                    calibration,
                     identification: &record.identification,
                     true_values: &record.true_values,
                 };
-                self.write(&IDENTIFIED_READINGS, now, &identification)?;
+                self.write_of(&IDENTIFIED_READINGS, now, all.name(), identification)?;
             }
         }
         for pose in all.test_poses() {
-            self.write(&TEST_POSES, now, &TestPoseRecord { calibration, pose })?;
+            self.write_of(&TEST_POSES, now, all.name(), pose)?;
         }
         Ok(())
+    }
+
+    /// A message about a plan.
+    fn write_of<T: Serialize + JsonSchema>(
+        &mut self,
+        topic: &Topic,
+        now: Duration,
+        calibration: &str,
+        said: T,
+    ) -> Result<(), McapError> {
+        self.write(topic, now, &OfPlan { calibration, said })
     }
 
     /// A message as JSON.
@@ -456,7 +451,6 @@ fn reading_record<'a>(
     let residual_mm = record.identification.residuals_mm.get(index).copied();
     let (residual_mm, length_residual_mm) = as_read(residual_mm);
     ReadingRecord {
-        calibration: &record.name,
         row: *row,
         repeat,
         target: reading.target.as_deref(),

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::{Body, Recording, ShownTool, Step};
 use crate::mujoco::State;
 use crate::task::Instrument;
+use crate::text::wording::micrometres;
 
 /// How far labels are from what they name (m).
 const LABEL_AWAY_M: f64 = 0.3;
@@ -98,22 +99,18 @@ impl Recording {
                 }),
             },
         ];
-        let sights = [("tracker_line", false, 0.006_f32), ("gauge", true, 0.022)];
-        let known = sights.into_iter().zip(self.has_sights);
-        drawn.extend(known.filter(|(_, is_known)| *is_known).map(
-            |((name, is_arrow, radius_m), _)| {
-                Annotation {
-                    name,
-                    is_arrow,
-                    ends_m: (step.sight)
-                        .filter(|sight| sight.is_gauge() == is_arrow)
-                        .map(|sight| sight.ends_m(tool_m)),
-                    radius_m,
-                    rgb: SIGHT_RGB,
-                    label: None,
-                }
-            },
-        ));
+        let sights = [("tracker_line", false, 0.006), ("gauge", true, 0.022)];
+        for ((name, is_gauge, radius_m), is_known) in sights.into_iter().zip(self.has_sights) {
+            let sight = step.sight.filter(|sight| sight.is_gauge() == is_gauge);
+            drawn.extend(is_known.then(|| Annotation {
+                name,
+                is_arrow: is_gauge,
+                ends_m: sight.map(|sight| sight.ends_m(tool_m)),
+                radius_m,
+                rgb: SIGHT_RGB,
+                label: None,
+            }));
+        }
         drawn
     }
 
@@ -126,15 +123,7 @@ impl Recording {
 
 /// The deflection of the tool as it is drawn, in words; none where nothing bends it.
 fn displacement_label(step: &Step) -> Option<String> {
-    let micrometres = step.displacement_m().norm() * 1e6;
-    if micrometres <= 0.0 {
-        return None;
-    }
-    let length = if micrometres < 100.0 {
-        format!("{micrometres:.1} µm")
-    } else {
-        format!("{:.3} mm", micrometres * 1e-3)
-    };
-    let times = step.enlargement;
-    Some(format!("{length} (drawn {times} times as long)"))
+    let length_mm = step.displacement_m().norm() * 1e3;
+    let (length, times) = (micrometres(Some(length_mm)), step.enlargement);
+    (length_mm > 0.0).then(|| format!("{length} (drawn {times} times as long)"))
 }

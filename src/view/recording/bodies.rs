@@ -26,16 +26,19 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     };
     let calibration = tool_body(ShownTool::Calibration)?;
     let machining = tool_body(ShownTool::Machining)?;
-    // A tool is unmounted only where it is a body of its own.
-    let only_with = |body| match body {
-        _ if calibration == machining => None,
-        body if body == calibration && !carries(model, body, machining) => {
-            Some(ShownTool::Calibration)
-        }
-        body if body == machining && !carries(model, body, calibration) => {
-            Some(ShownTool::Machining)
-        }
-        _ => None,
+    let tools = [
+        (ShownTool::Calibration, calibration, machining),
+        (ShownTool::Machining, machining, calibration),
+    ];
+    // A tool is unmounted only where it is a body of its own that does not carry the other.
+    let only_with = |body| {
+        let is_alone = |(_, own, other): &(_, usize, usize)| {
+            body == *own && ancestors(model, *other).all(|carrier| carrier != body)
+        };
+        tools
+            .iter()
+            .find(|tool| is_alone(tool))
+            .map(|(tool, ..)| *tool)
     };
     let mut state = State::new(model);
     state.update_kinematics();
@@ -97,23 +100,12 @@ fn colour(geometry: &Geometry) -> [f32; 4] {
 }
 
 /// Whether a joint moves the body.
-pub fn is_moved(model: &Model, mut body: usize) -> bool {
-    while body != 0 {
-        if model.joints_of(body).next().is_some() {
-            return true;
-        }
-        body = model.parent(body);
-    }
-    false
+pub fn is_moved(model: &Model, body: usize) -> bool {
+    ancestors(model, body).any(|body| model.joints_of(body).next().is_some())
 }
 
-/// Whether one body is another's ancestor.
-fn carries(model: &Model, body: usize, mut other: usize) -> bool {
-    while other != 0 {
-        other = model.parent(other);
-        if other == body {
-            return true;
-        }
-    }
-    false
+/// A body, its parent, and so on up to the world, which is none of them.
+fn ancestors(model: &Model, body: usize) -> impl Iterator<Item = usize> {
+    let next = |body: &usize| Some(model.parent(*body));
+    std::iter::successors(Some(body), next).take_while(|body| *body != 0)
 }

@@ -6,6 +6,7 @@ mod bodies;
 mod record;
 mod steps;
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{DVector, Isometry3, Vector3};
@@ -222,22 +223,22 @@ impl Recording {
         let mut stage = Stage::new(scenario, &links);
         let mut calibrations = Vec::new();
         for plan in plans {
-            let (record, steps) = match plan {
+            let (record, did) = match plan {
                 CarriedOutPlan::Deflections(name, calibration) => {
+                    let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+                    let did = CarriedOut::of_deflections(task, truth, seed, calibration)?;
                     let record = CalibrationMessage::new(belief, name, calibration);
-                    let steps = steps::of_deflections(scenario, calibration, &mut stage)?;
-                    (PlanRecord::Deflections(Box::new(record)), steps)
+                    (PlanRecord::Deflections(Box::new(record)), Cow::Owned(did))
                 }
                 CarriedOutPlan::Readings(record, did) => {
-                    let steps = steps::of_readings(scenario, record, did, &mut stage);
-                    (PlanRecord::Readings(record.clone()), steps)
+                    (PlanRecord::Readings(record.clone()), Cow::Borrowed(did))
                 }
             };
             calibrations.push(RecordedCalibration {
                 record,
                 commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
-                steps,
+                steps: stage.steps(&did),
             });
         }
         for tool in [ShownTool::Calibration, ShownTool::Machining] {
@@ -267,26 +268,27 @@ impl Recording {
 
     /// From where (m) all arms are in view, and the place (m) to look at: across the way from the base to the tools, from somewhat above.
     pub fn eye_m(&self) -> Option<[Vector3<f64>; 2]> {
-        let links = self.steps().flat_map(|(.., step)| {
-            let links = step.unloaded.world_from_link.iter();
-            links.map(|pose| pose.translation.vector)
+        let stances = || self.steps().map(|(.., step)| &step.unloaded);
+        let places = stances().flat_map(|stance| {
+            let links = stance.world_from_link.iter();
+            let links = links.map(|pose| pose.translation.vector);
+            links.chain([stance.tool_m])
         });
-        let tools = self.steps().map(|(.., step)| step.unloaded.tool_m);
-        let places: Vec<Vector3<f64>> = links.chain(tools).collect();
-        let corner = |of: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
-            let places = places.iter().copied();
-            places.reduce(|one, other| of(&one, &other))
-        };
-        let (low, high) = (corner(Vector3::inf)?, corner(Vector3::sup)?);
+        let places: Vec<Vector3<f64>> = places.collect();
+        let low = places
+            .iter()
+            .copied()
+            .reduce(|one, other| one.inf(&other))?;
+        let high = places
+            .iter()
+            .copied()
+            .reduce(|one, other| one.sup(&other))?;
         let centre = (low + high) / 2.0;
         let radius = places.iter().map(|place| (place - centre).norm());
         let radius = radius.fold(0.0, f64::max);
-        let reach: Vector3<f64> = self.steps().map(|(.., step)| step.unloaded.tool_m).sum();
-        let across = Vector3::new(reach.y, -reach.x, 0.0);
-        let across = across
-            .try_normalize(f64::MIN_POSITIVE)
-            .unwrap_or(-Vector3::y());
-        let towards: Vector3<f64> = across + Vector3::z() * 0.4;
+        let reach: Vector3<f64> = stances().map(|stance| stance.tool_m).sum();
+        let across = Vector3::new(reach.y, -reach.x, 0.0).try_normalize(f64::MIN_POSITIVE);
+        let towards = across.unwrap_or(-Vector3::y()) + Vector3::z() * 0.4;
         Some([centre + towards.normalize() * (EYE_AWAY * radius), centre])
     }
 

@@ -1,16 +1,13 @@
 //! What the virtual robot does in each experiment and test pose.
 
-use nalgebra::{DVector, Vector3};
+use nalgebra::Vector3;
 
 use super::{Body, ReadingLine, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
-use crate::calibration::{Calibration, CalibrationError};
+use crate::calibration::CalibrationError;
 use crate::mujoco::State;
-use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::robot::Load;
 use crate::scenario::Scenario;
-use crate::study::carried_out::{AtRest, CarriedOut};
+use crate::study::carried_out::{AtRest, CarriedOut, CarriedOutRow};
 use crate::task::Instrument;
-use crate::testbed::{MeasurementError, TrueRobots};
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
 const DRAWN_DEFLECTION_M: f64 = 0.25;
@@ -48,129 +45,43 @@ impl Stage {
         }
     }
 
-    /// A step from a rest without load to one under it, read along a gauge's direction, from a station (m) or by the model's tracker.
-    fn step(
-        &mut self,
-        kind: StepKind,
-        (commanded_rad, load): (&DVector<f64>, Load),
-        rests: [AtRest; 2],
-        [direction, station_m]: [Option<Vector3<f64>>; 2],
-    ) -> Step {
-        let [unloaded, loaded] = rests.map(|rest| self.stance(rest));
-        let sight = ReadingLine::new(&self.instrument, &self.state, direction, station_m)
-            .filter(|_| matches!(kind, StepKind::Experiment { .. }));
+    fn step(&mut self, kind: StepKind, row: &CarriedOutRow) -> Step {
+        let [unloaded, loaded] = row.rests.clone().map(|rest| self.stance(rest));
+        let is_read = matches!(kind, StepKind::Experiment { .. });
+        let sight = ReadingLine::new(&self.instrument, &self.state, row.direction, row.station_m);
         Step {
             kind,
-            commanded_rad: commanded_rad.clone(),
-            load,
+            commanded_rad: row.commanded_rad.clone(),
+            load: row.load,
             enlargement: 1.0,
             enlarged: loaded.clone(),
             unloaded,
             loaded,
             force_arrow_m: None,
-            sight,
+            sight: sight.filter(|_| is_read),
         }
     }
-}
 
-/// The steps of a calibration, made by the robot of its run.
-pub(super) fn of_deflections(
-    scenario: &Scenario,
-    calibration: &Calibration,
-    stage: &mut Stage,
-) -> Result<Vec<Step>, CalibrationError> {
-    let mut robots = TrueRobots::new(&scenario.task.belief, &scenario.truth)?;
-    let readings = calibration.plan.measurements() as usize;
-    let (seed, run) = (scenario.seed, calibration.truth.run);
-    let normals = robots.become_run_of(&scenario.truth, readings, seed, run)?;
-    let (visits, robot) = robots.visits(&calibration.plan, &normals);
-    let mut first = 0;
-    let mut steps = Vec::new();
-    for (number, experiment) in (1..).zip(&calibration.plan.experiments) {
-        let measurements = first..first + experiment.repeats as usize;
-        // Repeats differ by what is new in each: the first one is shown.
-        let visit = &visits[first];
-        first = measurements.end;
-        let mut rest = |commanded: &DVector<f64>, load: &Load, loaded| {
-            let rest = robot.rest(commanded, load);
-            let (place_m, ..) = rest.map_err(|source| MeasurementError {
-                experiment: number,
-                loaded,
-                source,
-            })?;
-            Ok::<_, MeasurementError>(AtRest::of(robot, place_m))
-        };
-        let [before, under] = &visit.commanded_rad;
-        let unloaded = rest(before, &Load::NONE, false)?;
-        let mut loaded = rest(under, &visit.load, true)?;
-        loaded.place_m += visit.discrepancy_m();
-        let kind = StepKind::Experiment {
-            number,
-            measurements,
-        };
-        let commanded = (&experiment.configuration_rad, experiment.load);
-        let read = [experiment.direction, None];
-        steps.push(stage.step(kind, commanded, [unloaded, loaded], read));
+    /// The steps of a plan as it was carried out.
+    pub(super) fn steps(&mut self, did: &CarriedOut) -> Vec<Step> {
+        let rows = (1..).zip(&did.rows).map(|(number, row)| {
+            let measurements = row.readings.clone();
+            (
+                StepKind::Experiment {
+                    number,
+                    measurements,
+                },
+                row,
+            )
+        });
+        let poses = did.test_poses.iter().enumerate().flat_map(|(index, both)| {
+            let kind = |compensated| StepKind::TestPose { index, compensated };
+            [false, true].map(kind).into_iter().zip(both)
+        });
+        (rows.chain(poses))
+            .map(|(kind, row)| self.step(kind, row))
+            .collect()
     }
-    let poses = scenario.task.test_poses.iter().zip(&calibration.poses);
-    for (index, (pose, compensated_pose)) in poses.enumerate() {
-        let at_pose = |source| CalibrationError::TestPose {
-            pose: pose.name.clone(),
-            source,
-        };
-        let configuration_rad = &pose.configuration_rad;
-        let wanted = robots.machining_tool(configuration_rad, &Load::NONE);
-        let (wanted_m, _) = wanted.map_err(at_pose)?;
-        let wanted = AtRest::of(robots.machining(), wanted_m);
-        for (compensated, commanded_rad) in [
-            (false, configuration_rad),
-            (true, &compensated_pose.commanded_rad),
-        ] {
-            let loaded_m = (robots.machining_tool_at_work(commanded_rad, pose)).map_err(at_pose)?;
-            let rests = [wanted.clone(), AtRest::of(robots.machining(), loaded_m)];
-            let kind = StepKind::TestPose { index, compensated };
-            steps.push(stage.step(kind, (commanded_rad, pose.load), rests, [None; 2]));
-        }
-    }
-    Ok(steps)
-}
-
-/// The steps of a plan of absolute readings as it was carried out; at test poses from where the model has the tool to where it is.
-pub(super) fn of_readings(
-    scenario: &Scenario,
-    record: &ReadingsRunMessage,
-    carried_out: &CarriedOut,
-    stage: &mut Stage,
-) -> Vec<Step> {
-    let mut steps = Vec::new();
-    for (number, row) in (1..).zip(&carried_out.rows) {
-        let kind = StepKind::Experiment {
-            number,
-            measurements: row.readings.clone(),
-        };
-        let commanded = (&row.commanded_rad, row.load);
-        let read = [None, row.station_m];
-        steps.push(stage.step(kind, commanded, row.rests.clone(), read));
-    }
-    let poses = (scenario.task.test_poses.iter())
-        .zip(&carried_out.test_poses)
-        .zip(&record.test_poses);
-    for (index, ((pose, rest), achieved)) in poses.enumerate() {
-        for (compensated, off_mm) in [
-            (false, achieved.uncompensated_xyz_mm),
-            (true, achieved.residual_xyz_mm),
-        ] {
-            let predicted = AtRest {
-                place_m: rest.place_m - Vector3::from(off_mm) * 1e-3,
-                ..rest.clone()
-            };
-            let kind = StepKind::TestPose { index, compensated };
-            let commanded = (&pose.configuration_rad, pose.load);
-            let rests = [predicted, rest.clone()];
-            steps.push(stage.step(kind, commanded, rests, [None; 2]));
-        }
-    }
-    steps
 }
 
 /// Gives all steps with the same tool the same enlargement and scale of forces, so that they can be compared.

@@ -1,43 +1,37 @@
 //! The page of a plan of absolute readings: what is predicted, of what it is made, what to read, and what virtual robots make of it.
 
+use serde_json::{Value, json};
+
 use super::cards::{conditions_card, readings_cards, verdict_card};
-use super::distances::{distances_figure, distances_table, lines};
-use super::overview::next_steps;
+use super::distances::{distances_figure, lines, numbers};
 use super::test_poses::test_poses;
-use super::{PlanPage, plan_row, plan_table, provenance, sources};
+use super::{PlanPage, plan_row};
 use crate::observation::LengthKind;
 use crate::quantities::units::shown_unit;
-use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
-use crate::text::wording::{counted, dash, micrometres, naming, percent};
-use crate::view::card::{Card, heading};
-use crate::view::charts::PlotError;
-use crate::view::markup::{micro_sign, page, paragraph, paragraphs, section};
+use crate::text::wording::dash;
+use crate::view::card::Card;
+use crate::view::markup::{PageError, micro_sign, rendered};
 use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
-
-/// A smaller discrepancy (mm) is not said.
-const LEAST_MM: f64 = 5e-6;
 
 /// Which accuracy a page of absolute readings is about.
 pub const ABSOLUTE_ACCURACY: &str = "An absolute accuracy: where the loaded tool is, with frames, geometry and elasticity as far as they are unknown.";
 
 /// The page of a plan of absolute readings as HTML; with what virtual robots made of it, where some were drawn, and of its run, where it was
 /// carried out.
+///
+/// # Errors
+/// See [`PageError`].
 pub fn absolute_page(
     shown: &PlanPage<'_>,
     plan: &AbsolutePlanMessage,
     trials: Option<&RobotTrials>,
     run: Option<&AbsoluteRun<'_>>,
-) -> Result<String, PlotError> {
+) -> Result<String, PageError> {
     let scenario = shown.scenario;
-    let name = &scenario.name;
-    let [title, tab] = match run {
-        Some(_) => ["Calibration for absolute accuracy", "calibration report"],
-        None => ["Plan of absolute readings", "plan of absolute readings"],
-    };
-    let title = format!("{title}: {name}");
     let mut cards = readings_cards(plan, run);
     if let Some(trials) = trials {
         let is_kept = trials.prediction == Kept::Holds;
@@ -50,60 +44,45 @@ pub fn absolute_page(
         cards.push(Card::new("bad", "Assumed exact", answer, about));
     }
     cards.extend(conditions_card(shown.conditions));
-    let mut body = heading(&title, &scenario.description, cards);
-    if let Some(trials) = trials {
-        body += &section("trials", "Do virtual robots keep it?", &of_trials(trials)?);
-    }
-    let about = "Contributions are what the instrument's noise and each error source leave, rms, to first order; squares add up. \
-                 Frames, and what else nothing is known of before, are found from readings: they are in the contributions of what \
-                 disturbs these.";
-    body += &sources::budget_section(plan.uncertainty_budget.as_ref(), about);
-    if plan.test_poses.len() > 1 || run.is_some() {
+    let has_poses = plan.test_poses.len() > 1 || run.is_some();
+    let test_poses = has_poses.then(|| {
         let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
         let observed = run.map(|run| (&*run.record.test_poses, "of the nominal robot"));
         let poses = &scenario.task.test_poses;
-        body += &test_poses(poses, &predicted_mm, plan.rho0_mm, observed)?;
-    }
-    body += &run.map_or_else(String::new, identified);
-    body += &next_steps(shown, None);
-    body += &section(
-        "readings",
-        "What to read",
-        &readings(shown, plan, run.is_some()),
-    );
-    body += &section("unknowns", "What is found", &unknowns(plan));
-    body += &provenance(shown.provenance, shown.command);
-    Ok(page(&format!("{name}: {tab}"), &body))
+        test_poses(poses, &predicted_mm, plan.rho0_mm, observed)
+    });
+    let own = &scenario.task.belief.calibration_tool.name;
+    let (columns, rows) = rows(plan, own);
+    let budget = plan.uncertainty_budget.as_ref();
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), (&columns, rows));
+    let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
+    let unknowns = json!({ "table": unknowns(&plan.unknowns), "has_logarithms": has_logarithms });
+    let json = json!({
+        "page": page,
+        "trials": trials.map(of_trials),
+        "run": run.map(identified),
+        "unknowns": unknowns,
+    });
+    let tab = match run {
+        Some(_) => "calibration report",
+        None => "plan of absolute readings",
+    };
+    rendered(&format!("{}: {tab}", scenario.name), "readings.html", &json)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
-fn of_trials(trials: &RobotTrials) -> Result<String, PlotError> {
-    let runs = &trials.runs;
-    let mut said = trials.outcome();
-    if let Some(share) = runs.coverage95 {
-        let share = percent(Some(share), 1);
-        said +=
-            &format!(" At {share} of the test poses the tool is within the predicted 95 % region.");
-    }
-    if runs.failed > 0 {
-        let failed = counted(runs.failed, "robot");
-        said += &format!(" {failed} could not be evaluated.");
-    }
-    let lines = lines(std::slice::from_ref(runs), |_, _| false);
-    let caption = "Distance of the loaded tool from where the identified model predicts it, rms over the test poses, of each virtual robot. The area is the distribution; the vertical line is the mean.";
-    let hidden = (runs.contributions.iter())
-        .filter(|each| each.hidden)
-        .map(|each| match each.contribution_um {
-            Some(um) if um > 0.0 => format!("{} ({})", each.source, micrometres(Some(um * 1e-3))),
-            _ => each.source.clone(),
-        });
-    let hidden = paragraphs([naming(hidden, "Of this the planner does not know: {}.")]);
-    Ok(paragraph(&said) + &hidden + &distances_figure(&lines, caption)? + &distances_table(&lines))
+fn of_trials(trials: &RobotTrials) -> Value {
+    let lines = lines(std::slice::from_ref(&trials.runs), |_, _| false);
+    json!({
+        "outcome": trials.outcome(),
+        "runs": trials.runs,
+        "figure": distances_figure(&lines),
+        "table": numbers(&lines),
+    })
 }
 
-/// The stills, and the plan as a table.
-fn readings(shown: &PlanPage<'_>, plan: &AbsolutePlanMessage, is_run: bool) -> String {
-    let own = &shown.scenario.task.belief.calibration_tool.name;
+/// The rows of a plan, with their name and the names of their own columns; `own` is the target that rows without one read.
+fn rows(plan: &AbsolutePlanMessage, own: &str) -> (String, Vec<Vec<String>>) {
     let is_read = |kind: &LengthKind| {
         let mut lengths = plan.plan.iter().filter_map(|reading| reading.length.0);
         lengths.any(|length| length.kind == *kind)
@@ -111,7 +90,7 @@ fn readings(shown: &PlanPage<'_>, plan: &AbsolutePlanMessage, is_run: bool) -> S
     let kinds: Vec<LengthKind> = LengthKind::ALL.into_iter().filter(is_read).collect();
     let rows = (plan.plan.iter().enumerate()).map(|(index, reading)| {
         let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
-        row.push(reading.target.clone().unwrap_or_else(|| own.clone()));
+        row.push(reading.target.as_deref().unwrap_or(own).to_owned());
         row.push(reading.station.clone().unwrap_or_else(dash));
         row.push(reading.repeats.to_string());
         row.extend(kinds.iter().map(|&kind| {
@@ -121,26 +100,19 @@ fn readings(shown: &PlanPage<'_>, plan: &AbsolutePlanMessage, is_run: bool) -> S
         row
     });
     let columns = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
-    let own = "row | reflector | station | times".to_owned() + &columns.collect::<String>();
-    let same = if is_run {
-        "plan.csv has"
-    } else {
-        "--plan-out writes"
-    };
-    plan_table(shown, same, &own, rows)
+    let columns = "row | reflector | station | times".to_owned() + &columns.collect::<String>();
+    (columns, rows.collect())
 }
 
 /// All unknowns, with how well each is known afterwards.
-fn unknowns(plan: &AbsolutePlanMessage) -> String {
-    let rows = (plan.unknowns.iter()).map(|unknown| {
+fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
+    let rows = unknowns.iter().map(|unknown| {
         let (factor, unit) = shown_unit(&unknown.unit);
         let error = unknown.standard_error;
+        let error = error.map(|error| format!("{:.3e}", error * factor));
         vec![
             unknown.name.clone(),
-            error.map_or_else(
-                || "not by itself".to_owned(),
-                |error| format!("{:.3e}", error * factor),
-            ),
+            error.unwrap_or_else(|| "not by itself".to_owned()),
             micro_sign(unit),
             match &unknown.mounted {
                 Some(mounted) => format!("{} ({mounted})", unknown.what),
@@ -148,43 +120,18 @@ fn unknowns(plan: &AbsolutePlanMessage) -> String {
             },
         ]
     });
-    let count = counted(rows.len() as u64, "unknown");
-    let header = "unknown | standard error | unit | what it is";
-    let numbers = RecordTable::new(header, rows).html();
-    let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
-    let logarithms = has_logarithms.then_some(" Of a logarithm the unit is 1.");
-    paragraph(&format!(
-        "{count}: the frames of stations and reflectors, which every such plan finds, and what else is unknown of the robot.{}",
-        logarithms.unwrap_or_default()
-    )) + &format!(
-        "<details><summary>How well each is known afterwards</summary>\n{numbers}</details>\n"
-    )
+    RecordTable::new("unknown | standard error | unit | what it is", rows)
 }
 
 /// What was identified, beside the simulated truth.
-fn identified(run: &AbsoluteRun<'_>) -> String {
+fn identified(run: &AbsoluteRun<'_>) -> Value {
     let found = &run.record.identification;
-    let mut about = format!(
-        "From {} of the virtual robot of run {}, beside the simulated truth of that run. Frames are found besides.",
-        counted(found.readings as u64, "reading"),
-        RUN
-    );
-    about += &naming(
-        found.left_out.iter().map(|each| &each.name),
-        " Redundant, not fitted: {}. Frames take their part; where links do, too, no truth stands beside geometry.",
-    );
-    let distances = &found.distance_mm;
-    about += &format!(
-        " Read less predicted: {} rms, at most {}.",
-        micrometres(Some(distances.rms)),
-        micrometres(Some(distances.largest))
-    );
-    if let Some(discrepancy_mm) = found.discrepancy_mm.filter(|mm| *mm > LEAST_MM) {
-        about += &format!(
-            " Standard errors count a model discrepancy of {} in each coordinate.",
-            micrometres(Some(discrepancy_mm))
-        );
-    }
-    let body = paragraph(&about) + &tables::unknowns(&run.record).html();
-    section("identified", "What was identified", &body)
+    json!({
+        "number": RUN,
+        "readings": found.readings,
+        "left_out": found.left_out,
+        "distance_mm": found.distance_mm,
+        "discrepancy_mm": found.discrepancy_mm,
+        "table": tables::unknowns(&run.record),
+    })
 }

@@ -1,6 +1,6 @@
 //! What is answered first of a plan and of a run: which plan, how accurate, proved by what, what was observed, and against random plans.
 
-use super::each_once;
+use super::{PlanPage, each_once};
 use crate::calibration::{CompensatedPose, rms_m};
 use crate::codes::Condition;
 use crate::plan::search::{BoundKind, RepeatsNeeded};
@@ -12,11 +12,14 @@ use crate::text::wording::{counted, joined, micrometres, naming, number, percent
 use crate::view::card::Card;
 use crate::workflow::run::{AbsoluteRun, RANDOM_PLANS, RUN, RunOutcome, TriedPlan};
 
+/// What holds where there is nothing to look at.
+const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the instrument, and \
+                        the plan keeps all bounds of the scenario.";
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
 
 /// A length (m), for a person.
-pub(super) fn length(value_m: Option<f64>) -> String {
+fn length(value_m: Option<f64>) -> String {
     micrometres(value_m.map(|value_m| value_m * 1e3))
 }
 
@@ -87,37 +90,36 @@ fn accuracy_card(own: &TriedPlan) -> Card {
         [pose] => format!("at \u{201c}{}\u{201d} it bends by {bent}", pose.name),
         _ => format!("it bends by up to {bent}"),
     };
-    let quantile = assessment.quantile95_m;
-    let below = quantile.map(|value_m| format!("; 95 % stay below {}", length(Some(value_m))));
+    let counts = UncertaintyBudget::in_words(assessment.uncertainty_budget.as_ref(), "measurement");
+    let quantile = assessment.quantile95_m.map(|value_m| length(Some(value_m)));
+    let below = naming(quantile, "; 95 % stay below {}");
     let about = format!(
-        "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {}{}: a relative accuracy, of what the load bends. Uncompensated, {uncompensated}.",
-        UncertaintyBudget::in_words(assessment.uncertainty_budget.as_ref(), "measurement"),
-        below.unwrap_or_default(),
+        "\u{3c1}\u{2080}, the rms distance between the loaded tool and its place, predicted {counts}{below}: a relative accuracy, of what \
+         the load bends. Uncompensated, {uncompensated}."
     );
     let answer = length(assessment.rho0_m) + " rms";
     Card::new("", "Accuracy after compensation", answer, about)
 }
 
 fn absolute_accuracy_card(plan: &AbsolutePlanMessage) -> Card {
-    let frame = plan.frame.as_ref().map_or_else(
-        || "the instrument's frame".to_owned(),
-        |station| format!("the frame of station \u{201c}{station}\u{201d}"),
+    let station = naming(&plan.frame, "the frame of station \u{201c}{}\u{201d}");
+    let frame = match &*station {
+        "" => "the instrument's frame",
+        station => station,
+    };
+    let quantile = plan.quantile95_mm.map(|value| micrometres(Some(value)));
+    let below = naming(quantile, " 95 % stay below {}.");
+    let force = (plan.task_force_mm > 0.0).then(|| micrometres(Some(plan.task_force_mm)));
+    let force = naming(
+        force,
+        " Of it, {} are the task's uncertain force, whatever is read.",
     );
-    let mut about = format!(
-        "\u{3c1}\u{2080}, the rms distance of the loaded tool from where it should be in {frame}: an absolute accuracy. Frames, \
-         geometry and elasticity count as far as they are unknown; in a relative one, as in the paper, only what the load bends."
-    );
-    if let Some(quantile) = plan.quantile95_mm {
-        about += &format!(" 95 % stay below {}.", micrometres(Some(quantile)));
-    }
-    if plan.task_force_mm > 0.0 {
-        about += &format!(
-            " Of it, {} are the task's uncertain force, whatever is read.",
-            micrometres(Some(plan.task_force_mm))
-        );
-    }
     let counts = UncertaintyBudget::in_words(plan.uncertainty_budget.as_ref(), "reading");
-    about += &format!(" It is predicted {counts}.");
+    let about = format!(
+        "\u{3c1}\u{2080}, the rms distance of the loaded tool from where it should be in {frame}: an absolute accuracy. Frames, \
+         geometry and elasticity count as far as they are unknown; in a relative one, as in the paper, only what the load bends.\
+         {below}{force} It is predicted {counts}."
+    );
     let answer = micrometres(plan.rho0_mm) + " rms";
     Card::new("", "Absolute accuracy", answer, about)
 }
@@ -140,40 +142,31 @@ fn observed_card(
 fn proof_card(evidence: &EvidenceMessage, assessment: &Assessment) -> Card {
     let (searches, agreeing) = (evidence.bound_searches, evidence.bound_searches_agreeing);
     let (Some(bound), Some(efficiency)) = (assessment.bound_m(), assessment.efficiency()) else {
-        let reason = assessment.no_bound().map(|reason| format!(": {reason}"));
-        let reason = reason.unwrap_or_default();
+        let reason = naming(assessment.no_bound(), ": {}");
         let about = format!("Nothing is known about better plans{reason}.");
         return Card::new("bad", BEST, "no bound", about);
     };
     let found = assessment.bound();
-    let proved = found.filter(|bound| bound.kind == BoundKind::Proved);
-    let proved = proved.and_then(|bound| bound.proof.as_ref());
-    let basis = match proved {
+    let proof = found.and_then(|bound| bound.proof.as_ref());
+    let is_proved = found.is_some_and(|bound| bound.kind == BoundKind::Proved) && proof.is_some();
+    let by = |boxes| format!("by branch and bound over {boxes} boxes of configurations");
+    let proved = match proof {
+        None => "There is no proof.".to_owned(),
+        Some(proof) if is_proved => format!("That is proved, {}.", by(proof.boxes)),
         Some(proof) => format!(
-            "That is proved, by branch and bound over {} boxes of configurations.",
-            proof.boxes
-        ),
-        None => format!(
-            "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same \
-             best one: strong evidence. {}",
-            proved_of_it(assessment)
+            "Proved, {}: none can be below {}{}.",
+            by(proof.boxes),
+            length(Some(proof.best)),
+            naming(&proof.left_out, ", with {} assumed exact")
         ),
     };
-    let is_sure = proved.is_some() || agreeing as f64 >= MANY * searches as f64;
-    bound_card(is_sure, bound * 1e3, efficiency, "measurements", &basis)
-}
-
-/// What a proof says that does not reach the bound, and what it takes for certain.
-fn proved_of_it(assessment: &Assessment) -> String {
-    let Some(proof) = assessment.bound().and_then(|bound| bound.proof.as_ref()) else {
-        return "There is no proof.".to_owned();
-    };
-    let certain = naming(&proof.left_out, ", with {} assumed exact");
-    format!(
-        "Proved, by branch and bound over {} boxes of configurations: none can be below {}{certain}.",
-        proof.boxes,
-        length(Some(proof.best)),
-    )
+    let searched = format!(
+        "The bound rests on {searches} local searches for a more telling experiment; {agreeing} ended in the same best one: strong \
+         evidence. {proved}"
+    );
+    let basis = if is_proved { &proved } else { &searched };
+    let is_sure = is_proved || agreeing as f64 >= MANY * searches as f64;
+    bound_card(is_sure, bound * 1e3, efficiency, "measurements", basis)
 }
 
 fn best_card(plan: &AbsolutePlanMessage) -> Card {
@@ -190,13 +183,8 @@ fn best_card(plan: &AbsolutePlanMessage) -> Card {
         ),
         None => format!("Proved by looking at all {possible}, of which it speaks alone."),
     };
-    bound_card(
-        plan.drawn.is_none(),
-        bound,
-        efficiency,
-        "candidates",
-        &basis,
-    )
+    let is_sure = plan.drawn.is_none();
+    bound_card(is_sure, bound, efficiency, "candidates", &basis)
 }
 
 const BEST: &str = "Is it the best?";
@@ -242,6 +230,21 @@ fn repeats(needed: Option<RepeatsNeeded>) -> String {
 pub(super) fn verdict_card(is_kept: bool, verdict: &str, about: impl Into<String>) -> Card {
     let tone = if is_kept { "good" } else { "bad" };
     Card::new(tone, "Does the prediction hold?", verdict, about)
+}
+
+/// A card of what must be looked at, or that all holds.
+pub(super) fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
+    let violating = (outcome.tried.iter().skip(1))
+        .filter(|plan| plan.assessment.violated().is_some())
+        .map(|plan| &plan.record.name);
+    let words = " Of the plans beside it, {} keep not all of them.";
+    let of_others = naming(violating, words);
+    let answer = match &*of_others {
+        "" => "all hold",
+        _ => "all hold for this plan",
+    };
+    let holds = || Card::new("good", "Checks", answer, ALL_HOLD.to_owned() + &of_others);
+    conditions_card(shown.conditions).unwrap_or_else(holds)
 }
 
 /// A card of what must be looked at, if something must.

@@ -1,23 +1,19 @@
 //! The figures of a calibration's report.
 
-use plotters::style::RGBColor;
-
 use crate::plan::search::BudgetPoint;
-use crate::record::evidence::CriterionPlanMessage;
-use crate::text::wording::{joined, percent};
+use crate::record::messages::CalibrationMessage;
+use crate::text::wording::{listed, percent};
 use crate::view::charts::{
-    COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, PlotError, Rows, Series, WHOLE,
+    COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, Series, WHOLE, middle,
 };
 
-/// The height of the figures that are no row charts.
-const HEIGHT: u32 = 620;
 /// At so many test poses at most each has its number under the figure.
 const MOST_TICKS: usize = 36;
 /// The half width of a 95 % interval of a standard normal.
 const NORMAL_95: f64 = 1.96;
 /// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate, and of
 /// what a gauge reads along its direction.
-const AXES: [(&str, RGBColor, Mark, f64); 4] = [
+const AXES: [(&str, &str, Mark, f64); 4] = [
     ("x", COLOURS[0], Mark::Square, -0.2),
     ("y", COLOURS[1], Mark::Triangle, 0.0),
     ("z", COLOURS[2], Mark::Diamond, 0.2),
@@ -30,136 +26,99 @@ pub fn accuracy_figure(
     (points, repeated): (&[BudgetPoint], &[BudgetPoint]),
     bounds_mm: &[Option<f64>],
     own_experiments: u32,
-) -> Result<String, PlotError> {
+) -> String {
     let micro = |point: &BudgetPoint| (f64::from(point.experiments), point.rho0_m * 1e6);
-    let found: Vec<(f64, f64)> = points.iter().map(micro).collect();
     let own = (points.iter()).find(|point| point.experiments == own_experiments);
-    let first = found.first().map_or(1.0, |point| point.0);
+    let first = points.first().map_or(1.0, |point| micro(point).0);
     let bound = (1..).map(f64::from).zip(bounds_mm);
     let bound = bound.filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)));
     let bound = bound.filter(|(m, bound)| *m >= first && *bound > 0.0);
-    let bound: Vec<(f64, f64)> = bound.collect();
-    let repeated = repeated.iter().map(micro).collect();
-    let own = own.map(micro).into_iter().collect();
+    let (found, repeated) = (points.iter().map(micro), repeated.iter().map(micro));
     let [blue, orange, ..] = COLOURS;
     let series = [
         Series::new("no plan is below", INK, Mark::Dashed, bound),
         Series::new("best plan found", blue, Mark::Dot, found),
         Series::new("this plan, repeated", orange, Mark::Cross, repeated),
-        Series::new("this plan", INK, Mark::Ring, own),
+        Series::new("this plan", INK, Mark::Ring, own.map(micro)),
     ];
     let tip = |name: &str, x: f64, y: f64| format!("{name}, {x}: {y:.2} \u{b5}m");
     let tipped = series.map(|each| each.tipped(tip));
-    Chart::of_accuracy(tipped.into()).figure(
-        (HALF, HEIGHT),
-        "Accuracy against the number of measurements",
-    )
+    Chart::of_accuracy(tipped.into()).figure(HALF, "Accuracy against the number of measurements")
 }
 
 /// What is predicted along a path, or over a region (um), by the number of each pose, which has a name, and over all of them.
-pub fn path_figure(
-    names: &[&str],
-    values_um: &[f64],
-    over_all_um: Option<f64>,
-) -> Result<String, PlotError> {
-    let values = values_um.iter().copied();
-    let points: Vec<(f64, f64)> = (1..).map(f64::from).zip(values).collect();
-    let top = values_um.iter().copied().fold(0.0, f64::max) * 1.12;
+pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) -> String {
+    let numbers = || (1_u32..).map(f64::from).take(values_um.len());
+    let points: Vec<(f64, f64)> = numbers().zip(values_um.iter().copied()).collect();
+    let top = values_um.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * 1.12;
     let x = 0.0..values_um.len() as f64 + 1.0;
-    let across = over_all_um.map_or_else(Vec::new, |all| vec![(x.start, all), (x.end, all)]);
-    let dots = Series::new("", COLOURS[0], Mark::Dot, points.clone());
-    let mut across_axis = ChartAxis::whole(x);
-    if points.len() <= MOST_TICKS {
-        across_axis.ticks = points.iter().map(|point| point.0).collect();
-    }
+    let across = (over_all_um.into_iter()).flat_map(|all| [(x.start, all), (x.end, all)]);
+    let across = Series::new("", INK, Mark::Dashed, across);
+    let line = Series::new("", COLOURS[0], Mark::Line, points.clone());
+    let dots = Series::new("", COLOURS[0], Mark::Dot, points);
+    let named = numbers().zip(names).collect::<Vec<_>>();
     let tip = |_: &str, x: f64, y: f64| {
-        let place = points.iter().position(|point| point.0 >= x);
-        let name = place.and_then(|place| names.get(place)).unwrap_or(&"");
-        format!("{x}, {name}: {y:.2} \u{b5}m")
+        let name = named.iter().find(|(number, _)| *number >= x);
+        format!("{x}, {}: {y:.2} \u{b5}m", name.map_or("", |(_, name)| name))
     };
-    let dots = dots.tipped(tip);
-    let chart = Chart {
-        axes: [
-            across_axis,
-            ChartAxis::linear(0.0..top.max(f64::MIN_POSITIVE), 5),
-        ],
-        names: [
-            "number of the test pose".to_owned(),
-            "\u{3c1}\u{2080} [\u{b5}m]".to_owned(),
-        ],
-        series: vec![
-            Series::new("", INK, Mark::Dashed, across),
-            Series::new("", COLOURS[0], Mark::Line, points),
-            dots,
-        ],
+    let axis = if values_um.len() <= MOST_TICKS {
+        ChartAxis::at(x, numbers())
+    } else {
+        ChartAxis::whole(x)
     };
-    chart.figure((WHOLE, HEIGHT), "Accuracy along the test poses")
+    let axes = [axis, ChartAxis::linear(0.0..top, 5)];
+    let names = ["number of the test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
+    let chart = Chart::new(axes, names, vec![across, line, dots.tipped(tip)]);
+    chart.figure(WHOLE, "Accuracy along the test poses")
 }
 
-/// What a criterion's plan is called.
-pub fn criteria_names(plan: &CriterionPlanMessage) -> String {
-    let name = |name: &String| match name.as_str() {
-        "test_pose" => "test pose".to_owned(),
-        other => other.to_uppercase(),
-    };
-    joined(plan.criteria.iter().map(name), ", ")
-}
-
-/// A compliance with its 95 % interval, relative to the truth.
-pub struct RelativeEstimate {
-    /// The joint.
-    pub name: String,
-    /// The estimate less the truth, over the truth, and the ends of its interval.
-    pub error: Option<(f64, [f64; 2])>,
-}
-
-/// The identified compliances against the truth.
-pub fn compliances_figure(estimates: &[RelativeEstimate]) -> Result<String, PlotError> {
-    let note = |each: &RelativeEstimate| match each.error {
-        Some((error, _)) => {
-            let sign = if error < 0.0 { "" } else { "+" };
-            sign.to_owned() + &percent(Some(error), 1)
+/// The identified compliances with their 95 % intervals, relative to the simulated truth.
+pub fn compliances_figure(calibration: &CalibrationMessage) -> String {
+    let found = &calibration.identification;
+    // The estimate less the truth, over the truth (%), between the ends of its interval.
+    let errors = found.compliance_rad_per_nm.iter().enumerate();
+    let errors = errors.map(|(index, value)| {
+        let truth = calibration.truth.compliance_rad_per_nm.get(index)?;
+        let [low, high] = found.compliance_ci95_rad_per_nm[index]?;
+        Some([low, (*value)?, high].map(|value| 100.0 * (value / truth - 1.0)))
+    });
+    let errors: Vec<Option<[f64; 3]>> = errors.collect();
+    let note = |error: &Option<[f64; 3]>| match error {
+        Some([_, error, _]) => {
+            let sign = if *error < 0.0 { "" } else { "+" };
+            sign.to_owned() + &percent(Some(error / 100.0), 1)
         }
         None => "not determined".to_owned(),
     };
-    let ends = (estimates.iter()).filter_map(|each| each.error);
-    let widest = ends
-        .flat_map(|(error, [low, high])| [error.abs(), low.abs(), high.abs()])
-        .fold(0.001, f64::max);
-    let high = widest * 100.0 * 1.08;
-    let rows = Rows {
-        names: estimates.iter().map(|each| each.name.clone()).collect(),
-        notes: estimates.iter().map(note).collect(),
-        width: HALF,
-        axis: ChartAxis::linear(-high..high, 6),
-        title: "estimate less simulated truth, share of it [%]",
-    };
-    let upwards = vec![(0.0, 0.0), (0.0, estimates.len() as f64)];
-    let mut series = vec![Series::new("", INK, Mark::Segments(2), upwards)];
-    for (row, each) in estimates.iter().enumerate() {
-        if let Some((error, [low, high])) = each.error {
-            let ends = [low, error, high].map(|share| share * 100.0);
-            series.extend(Series::interval(ends, rows.middle(row), COLOURS[0]));
-        }
+    let ends = errors.iter().flatten().flatten();
+    let high = 1.08 * ends.fold(0.1, |widest: f64, end| widest.max(end.abs()));
+    let rows = found.parameters.iter().cloned();
+    let rows = rows.zip(errors.iter().map(note));
+    let count = errors.len();
+    let upwards = [(0.0, 0.0), (0.0, count as f64)];
+    let mut series = vec![Series::new("", INK, Mark::Segments(2.0), upwards)];
+    for (row, ends) in errors.iter().enumerate() {
+        let interval = ends.map(|ends| Series::interval(ends, middle(count, row), COLOURS[0]));
+        series.extend(interval.into_iter().flatten());
     }
-    let title = "Identified compliances with 95 % intervals, against the simulated truth";
-    rows.figure(title, &series)
+    let axis = ChartAxis::linear(-high..high, 6);
+    let title = "estimate less simulated truth, share of it [%]";
+    let chart = Chart::of_rows(rows, axis, title, series);
+    let name = "Identified compliances with 95 % intervals, against the simulated truth";
+    chart.figure(HALF, name)
 }
 
 /// Residuals in standard deviations of their own, of every measurement: of its coordinates, or of what a gauge reads.
-pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> Result<String, PlotError> {
+pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> String {
     let all = standardised.iter().flatten().flatten();
     let high = all.map(|value| value.abs()).fold(2.6, f64::max) * 1.12;
     let x = 0.5..standardised.len() as f64 + 0.5;
-    let band = vec![(x.start, -NORMAL_95), (x.end, NORMAL_95)];
+    let [low_95, high_95] = [-NORMAL_95, NORMAL_95].map(|y| [(x.start, y), (x.end, y)]);
+    let band = low_95.into_iter().chain(high_95.into_iter().rev());
+    let nought = [(x.start, 0.0), (x.end, 0.0)];
     let mut series = vec![
-        Series::new("", GRID, Mark::Bars(0.6), band),
-        Series::new(
-            "",
-            INK,
-            Mark::Segments(1),
-            vec![(x.start, 0.0), (x.end, 0.0)],
-        ),
+        Series::new("", GRID, Mark::Area(0.6), band),
+        Series::new("", INK, Mark::Segments(1.0), nought),
     ];
     for (axis, (name, colour, mark, aside)) in AXES.into_iter().enumerate() {
         let numbered = (1..).map(f64::from).zip(standardised);
@@ -169,16 +128,14 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> Result<String, Plo
             continue;
         }
         let stems = points.iter().flat_map(|&(x, y)| [(x, 0.0), (x, y)]);
-        series.push(Series::new("", colour, Mark::Segments(3), stems.collect()));
+        series.push(Series::new("", colour, Mark::Segments(3.0), stems));
         let marks = Series::new(name, colour, mark, points);
-        series.push(marks.tipped(|name, x, y| format!("{:.0}, {name}: {y:.2}", x - aside)));
+        series
+            .push(marks.tipped(|name, x, y| format!("{}, {name}: {y:.2}", listed([x - aside], 0))));
     }
-    let chart = Chart {
-        axes: [ChartAxis::whole(x), ChartAxis::linear(-high..high, 6)],
-        names: ["measurement", "standardised residual"].map(str::to_owned),
-        series,
-    };
-    chart.figure((HALF, HEIGHT), "Standardised residuals")
+    let axes = [ChartAxis::whole(x), ChartAxis::linear(-high..high, 6)];
+    let chart = Chart::new(axes, ["measurement", "standardised residual"], series);
+    chart.figure(HALF, "Standardised residuals")
 }
 
 #[cfg(test)]
@@ -186,13 +143,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_a_gauge_reads_is_no_coordinate() -> Result<(), PlotError> {
+    fn what_a_gauge_reads_is_no_coordinate() {
         let along = [None, None, None, Some(1.0)];
-        let svg = residuals_figure(&[along, along])?;
+        let svg = residuals_figure(&[along, along]);
         assert!(svg.contains("2, along the gauge: 1.00") && !svg.contains(", x: "));
         let whole = [Some(1.0), Some(2.0), Some(-1.0), None];
-        let svg = residuals_figure(&[whole, along])?;
+        let svg = residuals_figure(&[whole, along]);
         assert!(svg.contains("1, z: -1.00") && svg.contains("2, along the gauge"));
-        Ok(())
     }
 }

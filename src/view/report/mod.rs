@@ -1,4 +1,4 @@
-//! Pages to look at and to hand on: one file each that loads nothing, with figures as SVG.
+//! Pages to look at and to hand on: one file each that loads nothing, with figures as SVG. What they say stands in `view/pages`.
 //!
 //! - [`run_page`]: a designed plan, its calibration, and what it is shown beside.
 //! - [`absolute_page`]: a plan of absolute readings, and a run of it.
@@ -10,30 +10,28 @@ mod absolute;
 mod cards;
 mod distances;
 mod figures;
-mod overview;
-mod sources;
 mod study;
 mod test_poses;
 
 use std::path::Path;
 
-use super::card::heading;
-pub use super::charts::PlotError;
-use super::markup::{cell, escaped, figure, page, paragraph, section, table_of_cells, unbroken};
+use serde_json::{Value, json};
+
+use super::card::Card;
+use super::markup::{PageError, rendered, unbroken};
 use super::tables::{self, RecordTable};
 use crate::codes::Condition;
 use crate::identification::ParameterGroup;
+use crate::plan::{Assessment, UncertaintyBudget};
 use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
-use crate::robot::ReadsAlong;
 use crate::scenario::Scenario;
-use crate::task::{Belief, Instrument};
-use crate::text::wording::{dash, joined, listed, micrometres, naming, number, percent};
+use crate::task::Instrument;
+use crate::text::wording::{dash, joined, listed, micrometres, number, shell_path};
 use crate::workflow::run::RunOutcome;
-use distances::{distances_figure, distances_table, lines};
-use figures::{
-    RelativeEstimate, accuracy_figure, compliances_figure, criteria_names, residuals_figure,
-};
+use cards::checks_card;
+use distances::{distances_figure, lines, numbers};
+use figures::{accuracy_figure, compliances_figure, residuals_figure};
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
@@ -59,65 +57,180 @@ pub struct PlanPage<'a> {
     pub parameters: &'a [ParameterGroup],
 }
 
-/// What a budget's contributions are.
-const CONTRIBUTIONS: &str = "Contributions are what the noise and each error source leave after compensation, rms, to first order; \
-                             squares add up.";
+impl PlanPage<'_> {
+    /// What it shows: cards, the budget where it has more than the instrument's noise, what is at each test pose, and the plan's rows;
+    /// `own` names the rows and the columns that follow angles and load.
+    fn shown(
+        &self,
+        cards: &[Card],
+        budget: Option<&UncertaintyBudget>,
+        test_poses: Option<&Value>,
+        (own, rows): (&str, Vec<Vec<String>>),
+    ) -> Value {
+        let scenario = self.scenario;
+        let belief = &scenario.task.belief;
+        let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
+        let columns = belief.commands().columns();
+        let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
+        let angles = joined(angles, " | ");
+        let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
+        json!({
+            "name": scenario.name,
+            "description": scenario.description,
+            "cards": cards,
+            "budget": budget.filter(|budget| budget.has_more_than_noise()),
+            "test_poses": test_poses,
+            "path": shell_path(&scenario.path),
+            "plan": shell_path(self.plan),
+            "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
+            "more": null,
+            "stills": self.stills,
+            "reads_along": belief.instrument.reads_along(),
+            "rows": RecordTable::new(&header, rows),
+            "provenance": self.provenance,
+            "command": self.command,
+        })
+    }
+}
 
 /// The report of a run as HTML.
-pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PlotError> {
-    let (scenario, evidence) = (shown.scenario, &outcome.evidence);
-    let Some(own) = outcome.tried.first() else {
-        return Ok(page("elastocal", ""));
-    };
+///
+/// # Errors
+/// See [`PageError`].
+pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PageError> {
+    let (scenario, evidence, own) = (shown.scenario, &outcome.evidence, &outcome.tried[0]);
     let (calibration, assessment) = (&own.record, &own.assessment);
-    let cards = run_cards(scenario, outcome, own).into_iter();
-    let cards = cards.chain([overview::checks_card(shown, outcome)]);
-    let title = format!("Calibration plan: {}", scenario.name);
-    let mut body = heading(&title, &scenario.description, cards);
-    body += &distances(evidence)?;
-    body += &sources::budget_section(assessment.uncertainty_budget.as_ref(), CONTRIBUTIONS);
+    let mut cards = run_cards(scenario, outcome, own);
+    cards.push(checks_card(shown, outcome));
     let poses = &calibration.test_poses;
-    let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
-    let all_mm = assessment.rho0_m.map(|value| value * 1e3);
-    if poses.len() > 1 {
+    let test_poses = (poses.len() > 1).then(|| {
+        let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
+        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
         let observed = Some((&**poses, "uncompensated"));
-        body += &test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)?;
-    }
+        test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)
+    });
+    let budget = assessment.uncertainty_budget.as_ref();
+    let rows = rows(shown.scenario.task.reads_along(), calibration);
+    let mut page = shown.shown(&cards, budget, test_poses.as_ref(), rows);
+    page["more"] = more_accurate(evidence, assessment).unwrap_or_default();
+    page["experiments"] = assessment.experiments.into();
+    // Random plans come last.
+    let lines = lines(&evidence.study, |place, _| {
+        place + 1 == evidence.study.len()
+    });
     let belief = &scenario.task.belief;
-    let found = compliances(belief, calibration)?;
-    let left = residuals(&belief.instrument, calibration)?;
-    body += &pair(&[
-        section("compliances", "Compliances", &found),
-        section("residuals", "Standardised residuals", &left),
-    ]);
-    body += &section(
-        "plans",
-        "The plans in this run",
-        &tables::tried(&outcome.tried).html(),
-    );
-    let caption = format!(
-        "The bound holds for every plan of as many measurements. Crosses: this plan of {}, measured again as a whole; what its \
-         repeats share they do not average. The searches for other numbers were short; the command budget looks closer.",
-        assessment.experiments
-    );
-    let accuracy = accuracy_figure(
-        (&evidence.accuracy, &evidence.repeated),
-        &evidence.lower_bounds_rho0_mm,
-        assessment.experiments,
-    )?;
-    let accuracy = figure(&accuracy, &caption);
-    let criteria = criteria(&evidence.criteria_compared);
-    body += &pair(&[
-        section("criteria", "The criteria compared", &criteria),
-        section("accuracy", "More or fewer measurements", &accuracy),
-    ]);
-    let more = overview::more_accurate(evidence, assessment);
-    body += &overview::next_steps(shown, more);
-    let configurations = configurations(shown, calibration);
-    body += &section("configurations", "What to measure", &configurations);
-    body += &provenance(shown.provenance, shown.command);
-    let title = format!("{}: calibration report", scenario.name);
-    Ok(page(&title, &body))
+    let unit = belief.compliance_unit("1e-6");
+    let points = (&*evidence.accuracy, &*evidence.repeated);
+    let bounds_mm = &evidence.lower_bounds_rho0_mm;
+    let shown = json!({
+        "page": page,
+        "evidence": evidence,
+        "distances": { "figure": distances_figure(&lines), "table": numbers(&lines) },
+        "compliances": {
+            "figure": compliances_figure(calibration),
+            "table": tables::compliances(calibration, &unit),
+        },
+        "residuals": residuals(&belief.instrument, calibration),
+        "plans": tables::tried(&outcome.tried),
+        "criteria": criteria(&evidence.criteria_compared),
+        "accuracy": accuracy_figure(points, bounds_mm, assessment.experiments),
+    });
+    rendered(
+        &format!("{}: calibration report", scenario.name),
+        "run.html",
+        &shown,
+    )
+}
+
+/// The next larger plan that was searched.
+fn more_accurate(evidence: &EvidenceMessage, assessment: &Assessment) -> Option<Value> {
+    let is_larger = |m: u32| m > assessment.experiments;
+    let larger = (evidence.accuracy.iter()).find(|point| is_larger(point.experiments))?;
+    Some(json!({
+        "experiments": larger.experiments,
+        "reach_mm": larger.rho0_m * 1e3,
+        "rho0_mm": assessment.rho0_m.map(|value| value * 1e3),
+    }))
+}
+
+/// The accuracy of the best plan for each criterion, and the criteria by which searches did not agree.
+fn criteria(plans: &[CriterionPlanMessage]) -> Value {
+    let best = plans.first().and_then(|plan| plan.rho0_mm);
+    let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
+    let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
+    let name = |plan: &CriterionPlanMessage| {
+        let name = |name: &String| match name.as_str() {
+            "test_pose" => "test pose".to_owned(),
+            other => other.to_uppercase(),
+        };
+        joined(plan.criteria.iter().map(name), ", ")
+    };
+    let row = |plan: &CriterionPlanMessage| {
+        let more = plan.rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
+        json!({
+            "name": name(plan),
+            "rho0_mm": plan.rho0_mm,
+            "fails": plan.rho0_mm.is_none() && plan.problem.is_some(),
+            "share": 100.0 * plan.rho0_mm.unwrap_or(0.0) / largest,
+            "more": more.unwrap_or(0.0),
+        })
+    };
+    let alone =
+        |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
+    json!({
+        "rows": plans.iter().map(row).collect::<Vec<_>>(),
+        "rough": plans.iter().filter(alone).map(name).collect::<Vec<_>>(),
+    })
+}
+
+/// The rows of what is measured, with their name and the names of their own columns.
+fn rows(reads_along: bool, calibration: &CalibrationMessage) -> (&'static str, Vec<Vec<String>>) {
+    let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
+        let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
+        if reads_along {
+            let along = experiment.direction.map(|each| unbroken(&listed(each, 4)));
+            row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
+        }
+        row.push(experiment.repeats.to_string());
+        row
+    });
+    let own = ["experiment | times", "experiment | read along | times"];
+    (own[usize::from(reads_along)], rows.collect())
+}
+
+/// A row of a plan: number, angles and load, where there is one.
+fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
+    let mut row = vec![(index + 1).to_string()];
+    row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
+    for half in [0..3, 3..6] {
+        let vector = wrench.map(|wrench| listed(wrench[half].iter().copied(), 4));
+        row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
+    }
+    row
+}
+
+/// What the fit leaves of each measurement.
+fn residuals(instrument: &Instrument, calibration: &CalibrationMessage) -> Value {
+    let identification = &calibration.identification;
+    let residuals = || calibration.residuals.iter();
+    let standardised = residuals()
+        .zip(&calibration.measurements)
+        .map(|(each, measured)| {
+            let value = |row: usize| each.standardised.get(row).copied().flatten();
+            match measured.direction {
+                Some(_) => [None, None, None, value(0)],
+                None => [value(0), value(1), value(2), None],
+            }
+        });
+    json!({
+        "figure": residuals_figure(&standardised.collect::<Vec<_>>()),
+        "numbers": residuals().map(|each| each.standardised.len()).sum::<usize>(),
+        "effective": residuals().map(|each| each.leverage).sum::<f64>(),
+        "both": instrument.both_sigmas(|value| micrometres(Some(value * 1e3))),
+        "sigma_mm": identification.sigma_mm,
+        "residual_sigma_mm": identification.residual_sigma_mm,
+        "consistency": identification.consistency,
+    })
 }
 
 /// What comes several times, once.
@@ -129,212 +242,4 @@ fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
         }
     }
     once
-}
-
-/// Two sections beside each other, where there is room.
-fn pair(sections: &[String; 2]) -> String {
-    format!("<div class=\"pair\">\n{}</div>\n", sections.concat())
-}
-
-/// Many runs of every plan, the designed one first.
-fn distances(evidence: &EvidenceMessage) -> Result<String, PlotError> {
-    // Random plans come last.
-    let lines = lines(&evidence.study, |place, _| {
-        place + 1 == evidence.study.len()
-    });
-    let caption = format!(
-        "{} runs of each plan by the linear model, all with the same noise; \u{201c}random\u{201d} is a fresh \
-         feasible plan in every run. Each area is the distribution of the residual error; the vertical line is the mean.",
-        evidence.trials
-    );
-    let body = distances_figure(&lines, &caption)? + &distances_table(&lines);
-    Ok(section("distances", DISTANCES, &body))
-}
-
-/// The title of the distributions of residual errors.
-const DISTANCES: &str = "How far off the tool is after compensation";
-
-/// The accuracy of the best plan for each criterion.
-fn criteria(plans: &[CriterionPlanMessage]) -> String {
-    let best = plans.first().and_then(|plan| plan.rho0_mm);
-    let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
-    let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
-    let row = |plan: &CriterionPlanMessage| {
-        let rho0_mm = plan.rho0_mm;
-        let shown = match rho0_mm {
-            None if plan.problem.is_some() => "no plan".to_owned(),
-            rho0_mm => micrometres(rho0_mm),
-        };
-        let share = 100.0 * rho0_mm.unwrap_or(0.0) / largest;
-        let more = rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
-        let more = more.filter(|more| *more > 0.001);
-        let more = more.map_or_else(String::new, |more| format!("+{}", percent(Some(more), 0)));
-        cell(&criteria_names(plan)) + &sources::bar(share, false, &shown) + &cell(&more)
-    };
-    let header = ["criterion", "\u{3c1}\u{2080} at the test pose", "more"];
-    table_of_cells(&header, plans.iter().map(row))
-        + &paragraph(&criteria_caption(plans))
-        + CRITERIA_LEGEND
-}
-
-/// What the plans of criteria are, and which of them are rough.
-fn criteria_caption(plans: &[CriterionPlanMessage]) -> String {
-    let caption = "The best plan found for each criterion, of as many measurements, evaluated at the test pose.";
-    let alone =
-        |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
-    let rough = joined(plans.iter().filter(alone).map(criteria_names), "; ");
-    let rough = Some(rough).filter(|rough| !rough.is_empty());
-    let words = " Searches for {} did not agree: by that criterion there may be better plans.";
-    caption.to_owned() + &naming(rough, words)
-}
-
-/// What the letters stand for.
-const CRITERIA_LEGEND: &str = "<details><summary>What the criteria ask for</summary>\n<dl>\
-    <dt>test pose</dt><dd>the smallest rms distance at the test pose</dd>\
-    <dt>A</dt><dd>the smallest sum of the variances</dd>\
-    <dt>D, O1</dt><dd>the smallest volume of the confidence ellipsoid</dd></dl>\n\
-    <p>Variances are those of relative errors of the compliances.</p></details>\n";
-
-/// What is measured: the stills, and the plan as a table.
-fn configurations(shown: &PlanPage<'_>, calibration: &CalibrationMessage) -> String {
-    let reads_along = shown.scenario.task.reads_along();
-    let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
-        let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
-        if reads_along {
-            let along = experiment.direction.map(|each| unbroken(&listed(each, 4)));
-            row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
-        }
-        row.push(experiment.repeats.to_string());
-        row
-    });
-    let own = if reads_along {
-        "experiment | read along | times"
-    } else {
-        "experiment | times"
-    };
-    plan_table(shown, "plan.csv has", own, rows)
-}
-
-/// What is drawn green in the robot's pictures.
-fn green(instrument: &Instrument) -> &'static str {
-    match instrument.reads_along() {
-        ReadsAlong::Never => "the line of sight from the instrument to the reflector that is read",
-        ReadsAlong::Always => "the way that the gauge reads",
-        ReadsAlong::Sometimes => {
-            "the line of sight from the instrument to the reflector, or the way that the gauge reads"
-        }
-    }
-}
-
-/// Stills, what is to be known of them and where the same numbers are, and the rows of a plan; `own` names the rows and the columns that
-/// follow angles and load.
-fn plan_table(
-    PlanPage {
-        scenario, stills, ..
-    }: &PlanPage<'_>,
-    same: &str,
-    own: &str,
-    rows: impl Iterator<Item = Vec<String>>,
-) -> String {
-    let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
-    let columns = scenario.task.belief.commands().columns();
-    let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-    let angles = joined(angles, " | ");
-    let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
-    let about = format!(
-        "Red: the load, which acts at the calibration tool; forces are in the world frame, z up. Green: {}. {same} the same numbers.",
-        green(&scenario.task.belief.instrument)
-    );
-    format!("<div class=\"stills\">{stills}</div>\n")
-        + &paragraph(&about)
-        + &RecordTable::new(&header, rows).html()
-}
-
-/// A row of it: number, angles and load, where there is one.
-fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
-    let mut row = vec![(index + 1).to_string()];
-    row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
-    for half in [0..3, 3..6] {
-        let vector = wrench.map(|wrench| listed(wrench[half].iter().copied(), 4));
-        row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
-    }
-    row
-}
-
-/// The identified compliances.
-fn compliances(belief: &Belief, calibration: &CalibrationMessage) -> Result<String, PlotError> {
-    let found = &calibration.identification;
-    let estimate = |(index, name): (usize, &String)| {
-        let truth = (calibration.truth.compliance_rad_per_nm.get(index)).copied();
-        let value = found.compliance_rad_per_nm[index].zip(truth);
-        let value = value.zip(found.compliance_ci95_rad_per_nm[index]);
-        RelativeEstimate {
-            name: name.clone(),
-            error: value.map(|((value, truth), ends)| {
-                (value / truth - 1.0, ends.map(|end| end / truth - 1.0))
-            }),
-        }
-    };
-    let estimates: Vec<_> = found.parameters.iter().enumerate().map(estimate).collect();
-    let svg = compliances_figure(&estimates)?;
-    let caption = "From this run's measurements of the virtual robot, beside the simulated truth of this run: 95 % of such intervals cover it.";
-    let unit = belief.compliance_unit("1e-6");
-    Ok(figure(&svg, caption) + &tables::compliances(calibration, &unit).html())
-}
-
-/// What the fit leaves of each measurement.
-fn residuals(
-    instrument: &Instrument,
-    calibration: &CalibrationMessage,
-) -> Result<String, PlotError> {
-    let identification = &calibration.identification;
-    let measured = calibration.residuals.iter().zip(&calibration.measurements);
-    let standardised: Vec<[Option<f64>; 4]> = measured
-        .map(|(each, measured)| {
-            let value = |row: usize| each.standardised.get(row).copied().flatten();
-            match measured.direction {
-                Some(_) => [None, None, None, value(0)],
-                None => [value(0), value(1), value(2), None],
-            }
-        })
-        .collect();
-    let numbers: usize = (calibration.residuals.iter())
-        .map(|each| each.standardised.len())
-        .sum();
-    let effective: f64 = calibration.residuals.iter().map(|each| each.leverage).sum();
-    let caption = format!(
-        "Measured less modelled deflection of each measurement, each coordinate over its own standard deviation: that of the \
-         measurement less what the fit takes up. Of {numbers} degrees of freedom the fit takes up {effective:.1} (the effective \
-         number of parameters). 95 % belong into the grey band (\u{b1}1.96)."
-    );
-    let sigma = micrometres(Some(identification.sigma_mm));
-    let both = instrument.both_sigmas(|value| micrometres(Some(value * 1e3)));
-    let given = both.map_or_else(
-        || format!("{sigma} as given"),
-        |both| format!("{both} as given, {sigma} rms over all that is read"),
-    );
-    let seen = format!(
-        "sigma: {given}; {} from the residuals, p = {} (chi-square).",
-        micrometres(identification.residual_sigma_mm),
-        number(identification.consistency, 3)
-    );
-    Ok(figure(&residuals_figure(&standardised)?, &caption) + &paragraph(&seen))
-}
-
-/// Where a page comes from.
-fn provenance(from: &ProvenanceMessage, command: &str) -> String {
-    let program = format!("elastocal {} ({})", from.version, from.commit);
-    let (hash, seed) = (from.scenario_sha256.clone(), from.seed.to_string());
-    let entries = [
-        ("program", program),
-        ("scenario", from.scenario.clone()),
-        ("SHA-256 of scenario and models", hash),
-        ("seed", seed),
-        ("command", command.to_owned()),
-    ];
-    let entry =
-        |(key, value): &(&str, String)| format!("<dt>{key}</dt><dd>{}</dd>\n", escaped(value));
-    let list: String = entries.iter().map(entry).collect();
-    let list = format!("<dl>\n{list}</dl>\n");
-    section("provenance", "Where this page comes from", &list)
 }

@@ -1,16 +1,17 @@
 //! The page of a Monte Carlo study.
 
+use serde_json::{Value, json};
+
 use super::absolute::ABSOLUTE_ACCURACY;
 use super::cards::{conditions_card, verdict_card};
-use super::distances::{distances_figure, distances_table, lines, means_figure, shares_figure};
-use super::{DISTANCES, provenance, sources};
+use super::distances::{distances_figure, lines, means_figure, numbers, shares_figure};
+use super::each_once;
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
-use crate::text::wording::{counted, inverse_interval, micrometres, number};
-use crate::view::card::{Card, heading};
-use crate::view::charts::PlotError;
-use crate::view::markup::{page, section};
+use crate::text::wording::{counted, inverse_interval, joined, micrometres, number};
+use crate::view::card::Card;
+use crate::view::markup::{PageError, rendered};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
@@ -26,30 +27,71 @@ pub struct StudyPageRecord<'a> {
 }
 
 /// The page of a study as HTML.
-pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PlotError> {
-    let (header, plans) = (study.header, &study.header.plans);
+///
+/// # Errors
+/// See [`PageError`].
+pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
+    let header = study.header;
     let reference = header.reference();
     let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
+    let experiments = header.plans[0].conditions.experiments;
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
         header.trials,
         header.level.words(),
-        counted(
-            plans[0].conditions.experiments.into(),
-            header.accuracy().noun()
-        )
+        counted(experiments.into(), header.accuracy().noun())
     );
-    let title = format!("Plans compared: {}", header.provenance.scenario);
-    let mut body = heading(&title, &caption, cards(study));
-    let distances = means_figure(&lines)?
-        + &distances_figure(&lines, &caption)?
-        + &shares_figure(&lines)?
-        + &distances_table(&lines);
-    body += &section("distances", DISTANCES, &distances);
-    body += &sources::of_study(study.plans);
-    body += &provenance(&header.provenance, study.command);
+    let shown = json!({
+        "cards": cards(study),
+        "caption": caption,
+        "figures": {
+            "means": means_figure(&lines),
+            "distances": distances_figure(&lines),
+            "shares": shares_figure(&lines),
+        },
+        "numbers": numbers(&lines),
+        "sources": sources(study.plans),
+        "provenance_record": header.provenance,
+        "command": study.command,
+    });
     let title = format!("{}: study", header.provenance.scenario);
-    Ok(page(&title, &body))
+    rendered(&title, "study.html", &shown)
+}
+
+/// The verdict of each plan whose scenario lists what is uncertain, and a row for each source with the contributions to all plans; the
+/// largest source comes first.
+fn sources(plans: &[StudyPlanMessage]) -> Value {
+    let verdicts = plans.iter().filter_map(|runs| {
+        let validation = joined(runs.validation.iter().map(|each| format!(" {each}.")), "");
+        Some(format!("{}: {}.{validation}", runs.name, runs.outcome()?))
+    });
+    let listed: Vec<&StudyPlanMessage> = (plans.iter())
+        .filter(|plan| plan.outcome().is_some() && !plan.contributions.is_empty())
+        .collect();
+    let all = || listed.iter().flat_map(|plan| &plan.contributions);
+    let largest_of = |source: &str| {
+        let of_source = all().filter(|each| each.source == source);
+        let of_source = of_source.filter_map(|each| each.contribution_um);
+        of_source.fold(0.0, f64::max)
+    };
+    let mut sources = each_once(all().map(|each| &*each.source));
+    sources.sort_by(|one, other| largest_of(other).total_cmp(&largest_of(one)));
+    let largest_um = largest_of(sources.first().unwrap_or(&"")).max(f64::MIN_POSITIVE);
+    let row = |source: &&str| {
+        let cells = listed.iter().map(|plan| {
+            let mut contributions = plan.contributions.iter();
+            contributions.find(|each| each.source == *source)
+        });
+        let cells: Vec<_> = cells.collect();
+        let is_hidden = cells.iter().flatten().any(|each| each.hidden);
+        json!({ "source": source, "is_hidden": is_hidden, "cells": cells })
+    };
+    json!({
+        "verdicts": verdicts.collect::<Vec<_>>(),
+        "plans": listed.iter().map(|plan| &plan.name).collect::<Vec<_>>(),
+        "rows": sources.iter().map(row).collect::<Vec<_>>(),
+        "largest_um": largest_um,
+    })
 }
 
 /// Which accuracy the study is about.

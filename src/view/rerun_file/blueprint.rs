@@ -11,9 +11,9 @@ use re_sdk::{
     AsComponents, EntityPath, RecordingStream, RecordingStreamBuilder, SerializedComponentBatch,
 };
 use re_sdk_types::blueprint::archetypes::{
-    Background, EyeControls3D, LineGrid3D, PlotLegend, ScalarAxis, TimeAxis,
+    Background, EyeControls3D, LineGrid3D, PlotLegend, TimeAxis,
 };
-use re_sdk_types::datatypes::{Range1D, TimeInt, TimeRange, TimeRangeBoundary};
+use re_sdk_types::datatypes::{TimeInt, TimeRange, TimeRangeBoundary};
 
 use super::{Logged, new_stream, scene};
 
@@ -70,13 +70,8 @@ impl<'a> Layout<'a> {
         view
     }
 
-    /// Curves over the timeline, and the range of values (lowest, highest) that is shown; if not given, what there is.
-    pub(super) fn curves(
-        &mut self,
-        name: &str,
-        origin: EntityPath,
-        values: Option<[f64; 2]>,
-    ) -> ContainerLike {
+    /// Curves over the whole timeline.
+    pub(super) fn curves(&mut self, name: &str, origin: impl Into<EntityPath>) -> ContainerLike {
         let view = TimeSeriesView::new(name).with_origin(origin).into();
         let legend = PlotLegend::new().with_corner(Corner2D::RightTop);
         self.set(&view, "PlotLegend", &legend);
@@ -86,10 +81,6 @@ impl<'a> Layout<'a> {
         });
         let axis = TimeAxis::new().with_view_range(TimeRange { start, end });
         self.set(&view, "TimeAxis", &axis);
-        if let Some(values) = values {
-            let axis = ScalarAxis::new().with_range(Range1D(values));
-            self.set(&view, "ScalarAxis", &axis);
-        }
         view
     }
 
@@ -136,41 +127,4 @@ impl<'a> Layout<'a> {
 /// A text in Markdown.
 pub(super) fn text(name: &str, origin: &str) -> ContainerLike {
     TextDocumentView::new(name).with_origin(origin).into()
-}
-
-/// The range about nought that shows values of up to a size and has ticks that the viewer writes numbers at, which are powers of
-/// ten apart: up to 1, 2, 3 or 10 of them, and a little more, so that the last is within.
-pub(super) fn about_nought(largest: f64) -> Option<[f64; 2]> {
-    if !(largest.is_normal() && largest > 0.0) {
-        return None;
-    }
-    let power = 10_f64.powf(largest.log10().floor());
-    let times = (largest / power).ceil();
-    let end = if times > 3.0 { 10.0 } else { times } * power * 1.08;
-    Some([-end, end])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::about_nought;
-
-    #[test]
-    fn axes_end_at_numbers_that_can_be_read() {
-        for (largest, end) in [
-            (0.079, 0.1),
-            (0.031, 0.1),
-            (0.03, 0.03),
-            (1.0, 1.0),
-            (1.01, 2.0),
-            (950.0, 1000.0),
-            (2e-7, 2e-7),
-        ] {
-            let [low, high] = about_nought(largest).unwrap_or_default();
-            assert!((high / end - 1.08).abs() < 1e-9, "{largest}: {high}");
-            assert!(high > largest && low.to_bits() == (-high).to_bits());
-        }
-        for nothing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert_eq!(about_nought(nothing), None);
-        }
-    }
 }

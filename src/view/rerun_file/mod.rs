@@ -86,21 +86,8 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     let first = recording.calibrations.first();
     let curves = first.map(|first| first.record.curves());
     let [readings, of_readings] = curves.unwrap_or(["deflection_mm", "deflections [mm]"]);
-    let mut curves = |name: &str, group: &str| {
-        let values = (recording.steps()).flat_map(|(_, calibration, step)| {
-            (measured(calibration, step).into_iter())
-                .flatten()
-                .filter(|(of, _)| *of == group)
-                .flat_map(|(_, values)| values.into_iter().flatten())
-        });
-        let largest = values.map(f64::abs).fold(0.0, f64::max);
-        let values = blueprint::about_nought(largest);
-        layout.curves(name, entity_path!["measurements", group], values)
-    };
-    let curves = [
-        curves("residuals [mm]", "residual_mm"),
-        curves(of_readings, readings),
-    ];
+    let curves = [("residuals [mm]", "residual_mm"), (of_readings, readings)]
+        .map(|(name, group)| layout.curves(name, entity_path!["measurements", group]));
     let results = [
         blueprint::text("results", "text/results"),
         blueprint::text("all plans", "text/overview"),

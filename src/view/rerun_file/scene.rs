@@ -10,10 +10,8 @@ use re_sdk_types::datatypes::Quaternion;
 use super::Logged;
 use crate::view::recording::{Body, Recording, ShownTool, Step};
 
-/// The loaded arm is translucent and in the model's colours with this share of a light blue.
-const LOADED_ALPHA: u8 = 130;
-const LOADED_RGB: [u8; 3] = [110, 180, 255];
-const LOADED_SHARE: f32 = 0.75;
+/// The loaded arm is light blue and translucent.
+const LOADED_RGBA: [u8; 4] = [110, 180, 255, 130];
 
 /// What does not change: surroundings and links, without tools.
 pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Logged {
@@ -21,13 +19,13 @@ pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Log
     for body in &recording.surroundings {
         stream.log_static(
             entity_path!["world", "surroundings", body.name],
-            &coloured_mesh(body),
+            &mesh(body),
         )?;
     }
     for body in &recording.links {
         if body.only_with.is_none() {
-            stream.log_static(link_path("robot", body), &coloured_mesh(body))?;
-            stream.log_static(link_path("loaded", body), &ghost_mesh(body))?;
+            stream.log_static(link_path("robot", body), &mesh(body))?;
+            stream.log_static(link_path("loaded", body), &plain_mesh(body))?;
         }
     }
     Ok(())
@@ -82,8 +80,8 @@ fn link_path(arm: &str, body: &Body) -> EntityPath {
 fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -> Logged {
     for (body, is_on) in recording.tools(tool) {
         if is_on {
-            stream.log(link_path("robot", body), &coloured_mesh(body))?;
-            stream.log(link_path("loaded", body), &ghost_mesh(body))?;
+            stream.log(link_path("robot", body), &mesh(body))?;
+            stream.log(link_path("loaded", body), &plain_mesh(body))?;
         } else {
             for arm in ["robot", "loaded"] {
                 stream.log(link_path(arm, body), &Mesh3D::clear_fields())?;
@@ -102,48 +100,36 @@ fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Log
         // Two surfaces in the same place flicker: a link that does not move is drawn once.
         let apart = unloaded.inv_mul(enlarged);
         let moves = apart.translation.vector.norm() > 1e-3 || apart.rotation.angle() > 1e-3;
-        let alpha = if moves { LOADED_ALPHA } else { 0 };
-        let opacity = Mesh3D::update_fields().with_albedo_factor([255, 255, 255, alpha]);
-        stream.log(link_path("loaded", body), &opacity)?;
+        let [red, green, blue, alpha] = LOADED_RGBA;
+        let colour = [red, green, blue, if moves { alpha } else { 0 }];
+        let colour = Mesh3D::update_fields().with_albedo_factor(colour);
+        stream.log(link_path("loaded", body), &colour)?;
     }
     Ok(())
 }
 
 /// All of a body in the model's colours.
-fn coloured_mesh(body: &Body) -> Mesh3D {
-    mesh(body, |rgba| rgba.map(byte))
+fn mesh(body: &Body) -> Mesh3D {
+    let colours = body.surfaces.iter().flat_map(|surface| {
+        let vertices = surface.mesh.shaded().vertices.len();
+        std::iter::repeat_n(surface.rgba.map(byte), vertices)
+    });
+    plain_mesh(body).with_vertex_colors(colours)
 }
 
-/// All of a body in the colours of the loaded arm.
-fn ghost_mesh(body: &Body) -> Mesh3D {
-    mesh(body, |[r, g, b, _]| {
-        let mut mixed = [r, g, b, 1.0].map(byte);
-        for (own, other) in mixed.iter_mut().zip(LOADED_RGB) {
-            let share = f32::from(*own) * (1.0 - LOADED_SHARE) + f32::from(other) * LOADED_SHARE;
-            *own = byte(share / 255.0);
-        }
-        mixed
-    })
-}
-
-fn mesh(body: &Body, colour: impl Fn([f32; 4]) -> [u8; 4]) -> Mesh3D {
+/// All of a body without colours.
+fn plain_mesh(body: &Body) -> Mesh3D {
     let (mut vertices, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
-    let mut colours = Vec::new();
     for surface in &body.surfaces {
         let shaded = surface.mesh.shaded();
         let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
         triangles.extend((shaded.triangles.iter()).map(|each| each.map(|corner| first + corner)));
-        colours.extend(std::iter::repeat_n(
-            colour(surface.rgba),
-            shaded.vertices.len(),
-        ));
         vertices.extend(shaded.vertices.iter().map(|vertex| single(&vertex.coords)));
         normals.extend(shaded.normals.iter().map(single));
     }
     Mesh3D::new(vertices)
         .with_vertex_normals(normals)
         .with_triangle_indices(triangles)
-        .with_vertex_colors(colours)
 }
 
 fn transform(pose: &Isometry3<f64>) -> Transform3D {

@@ -145,7 +145,7 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
     let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
     let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
     let right = Vertical::new([
-        layout.curves(means, "means_um".into(), None),
+        layout.curves(means, "means_um"),
         Tabs::new(sources.into_iter().chain(distributions(study))).into(),
         text("results so far", "text/table"),
     ]);
@@ -190,9 +190,8 @@ fn distance_path(plan: &str) -> EntityPath {
 fn colours(study: &StudyRecording) -> impl Iterator<Item = [u8; 3]> {
     let plans = study.header.plans.iter().enumerate();
     let colours = plan_colours(plans.map(|(place, plan)| plan.reference == Some(place)));
-    colours
-        .into_iter()
-        .map(|colour| [colour.0, colour.1, colour.2])
+    let part = |colour: &str, from: usize| u8::from_str_radix(&colour[from..from + 2], 16);
+    (colours.into_iter()).map(move |colour| [1, 3, 5].map(|from| part(colour, from).unwrap_or(0)))
 }
 
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would

@@ -131,7 +131,7 @@ impl Scenery {
         let spread: Vec<_> = (self.framed().iter())
             .flat_map(|point| [point + margin, point - margin])
             .collect();
-        Camera::new(self.azimuth(), ELEVATION).framing(&spread, STILL_PX)
+        Camera::new(self.azimuth(), ELEVATION, &spread, STILL_PX)
     }
 
     /// The side that shows the arms at their widest (rad).
