@@ -2,13 +2,12 @@
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use thiserror::Error;
 
 use super::Case;
 use super::discrepancy::three_rows;
 use super::equations::PredictedRows;
 use super::error::{FitResult, IdentificationError};
-use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::numeric::posterior::Posterior;
 use crate::task::Method;
 
 /// A measurement beside its prediction.
@@ -44,47 +43,28 @@ impl Predictions {
     }
 }
 
-/// Why there is no prediction.
-#[derive(Debug, Error)]
-pub enum PredictionError {
-    /// There are no measurements, or the robot gives way under a load.
-    #[error(transparent)]
-    Identification(#[from] IdentificationError),
-    /// What is measured depends on what was not identified.
-    #[error("measurement {measurement}: what is predicted depends on compliances: {source}")]
-    NotDetermined {
-        /// The measurement, from 1.
-        measurement: usize,
-        /// Which.
-        source: NotDetermined,
-    },
-    /// There is no covariance to judge by.
-    #[error("the covariance of what was identified is none")]
-    Singular,
-}
-
 impl Case<'_> {
     /// The measurements beside what a posterior of the unknowns predicts for them. What was known before is in the
     /// posterior.
     ///
     /// # Errors
     /// A measurement has no prediction, or the posterior is none.
-    pub fn predictions(&self, posterior: &Posterior) -> Result<Predictions, PredictionError> {
+    pub fn predictions(&self, posterior: &Posterior) -> FitResult<Predictions> {
         if self.measurements.is_empty() {
-            return Err(IdentificationError::NoMeasurements.into());
+            return Err(IdentificationError::NoMeasurements);
         }
         let rows = self.against(&posterior.mean)?;
         let known = &rows.matrix * &posterior.covariance * rows.matrix.transpose();
         let size = self.rows();
         let factor = (&known + DMatrix::identity(size, size))
             .cholesky()
-            .ok_or(PredictionError::Singular)?;
+            .ok_or(IdentificationError::Singular)?;
         let mut each = Vec::new();
         let readings = self.covariances().into_iter().zip(self.rows_of_each());
         for (index, (reading, own)) in readings.enumerate() {
             let whitened = rows.matrix.rows_range(own.clone()).into_owned();
             (posterior.variance_of(&whitened)).map_err(|source| {
-                PredictionError::NotDetermined {
+                IdentificationError::NotDetermined {
                     measurement: index + 1,
                     source,
                 }

@@ -16,7 +16,7 @@ use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::quantities::plausible::{ANY_VARIANCE, ELASTIC_COMPLIANCE, VARIANCE};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::task::{Fingerprint, LeftNominal, Method};
 
 /// Which file is wanted.
@@ -180,17 +180,15 @@ impl StoredIdentification {
         let known = self.all.as_ref().unwrap_or(&self.posterior);
         let mut values = known.mean.clone();
         let joints = &self.joints;
-        let (held, shift) = hold_impossible(
-            &mut values,
-            &known.covariance,
-            |place| robot.compliance_rad_per_nm[joints[place]],
-            |place| place < joints.len() && self.posterior.standard_error(place).is_some(),
-        );
-        for (place, value) in held {
-            let joint = &robot.chain.joints[joints[place]];
-            let unit = joint.drive.compliance_unit();
-            (self.conditions).push(nominal_instead(&joint.name, value, unit));
-        }
+        let compliance = |place: usize| {
+            let joint = *joints.get(place)?;
+            self.posterior.standard_error(place)?;
+            let Joint { name, drive, .. } = &robot.chain.joints[joint];
+            let nominal = robot.compliance_rad_per_nm[joint];
+            Some((nominal, name.as_str(), drive.compliance_unit()))
+        };
+        let (held, shift) = hold_impossible(&mut values, &known.covariance, compliance);
+        self.conditions.extend(held);
         // What stands in where only combinations are determined went with that when the file was written.
         let stands_in = |place: &usize| self.posterior.standard_error(*place).is_none();
         for place in (0..joints.len()).filter(stands_in) {
@@ -214,32 +212,30 @@ impl StoredIdentification {
     }
 }
 
-/// That an identified compliance in its unit is none.
-pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
-    ConditionCode::ImpossibleCompliance.with(format!(
-        "the identified compliance of {joint} is {value:.3e} {unit}, which no joint has: replaced by the nominal value, the \
-         other parameters conditioned on it"
-    ))
-}
-
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places with what was
-/// there, and by how much all moved: what errs about the values that are taken has this shift, squared, beside the covariance.
-pub fn hold_impossible(
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that: what was done, and by how much all
+/// moved. What errs about the values that are taken has this shift, squared, beside the covariance. Of a compliance its place tells the
+/// nominal value, its joint's name and its unit.
+pub fn hold_impossible<'a>(
     values: &mut [f64],
     covariance: &DMatrix<f64>,
-    nominal: impl Fn(usize) -> f64,
-    is_compliance: impl Fn(usize) -> bool,
-) -> (Vec<(usize, f64)>, DVector<f64>) {
+    compliance: impl Fn(usize) -> Option<(f64, &'a str, &'a str)>,
+) -> (Vec<Condition>, DVector<f64>) {
     let found = DVector::from_column_slice(values);
     let mut given = covariance.clone();
-    let mut held: Vec<(usize, f64)> = Vec::new();
+    let (mut held, mut done): (Vec<(usize, f64)>, Vec<Condition>) = (Vec::new(), Vec::new());
     // One that moves along may become impossible in its turn.
-    while let Some(place) = (0..values.len()).find(|&place| {
-        let is_held = held.iter().any(|each| each.0 == place);
-        !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
-    }) {
-        held.push((place, values[place]));
-        let (off, own) = (nominal(place) - values[place], given[(place, place)]);
+    while let Some((place, (nominal, joint, unit))) = (0..values.len())
+        .filter(|place| held.iter().all(|each| each.0 != *place))
+        .filter(|&place| !ELASTIC_COMPLIANCE.allows(values[place]))
+        .find_map(|place| Some((place, compliance(place)?)))
+    {
+        held.push((place, nominal));
+        done.push(ConditionCode::ImpossibleCompliance.with(format!(
+            "the identified compliance of {joint} is {:.3e} {unit}, which no joint has: replaced by the nominal value, the \
+             other parameters conditioned on it",
+            values[place]
+        )));
+        let (off, own) = (nominal - values[place], given[(place, place)]);
         if own > ROUNDING * covariance[(place, place)] {
             let column = given.column(place).into_owned();
             for (value, with) in values.iter_mut().zip(&column) {
@@ -248,11 +244,11 @@ pub fn hold_impossible(
             given.ger(-own.recip(), &column, &column, 1.0);
         }
     }
-    for &(place, _) in &held {
-        values[place] = nominal(place);
+    for (place, nominal) in held {
+        values[place] = nominal;
     }
     let shift = DVector::from_column_slice(values) - found;
-    (held, shift)
+    (done, shift)
 }
 
 /// Zero where the file has none.

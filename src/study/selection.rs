@@ -12,7 +12,7 @@ use rand::seq::index;
 use rayon::prelude::*;
 
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, PartsOfReadings,
+    AbsoluteCase, DistanceStatistics, IdentificationError, ParameterGroup, PartsOfReadings,
     SimulatedReadings,
 };
 use crate::measurement::AbsoluteReading;
@@ -227,13 +227,13 @@ pub fn select<'a>(
     groups: &[ParameterGroup],
     wanted: &SelectionWanted,
     watch: Watch<'_>,
-) -> Result<Selection<'a>, AbsoluteError> {
+) -> Result<Selection<'a>, IdentificationError> {
     let parts =
         (AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths()).in_parts(groups)?;
     let count = parts.together.len();
     if let Some(&size) = wanted.sizes.iter().find(|size| **size as usize >= count) {
         let offered = counted(count as u64, parts.unit());
-        return Err(AbsoluteError::NothingLeft { offered, size });
+        return Err(IdentificationError::NothingLeft { offered, size });
     }
     let campaign = |campaign: u64| {
         let stream = streams::campaign_of_choices(campaign);

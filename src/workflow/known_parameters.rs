@@ -46,7 +46,6 @@ pub(super) fn known(
     path: &Path,
     stored: &StoredRobot,
     (arm, belief): (&ElasticArm, &Belief),
-    covariance: &DMatrix<f64>,
     kinds: &[Option<ParameterKind>],
 ) -> Result<(ParameterSet, Posterior), FileError> {
     let unknowns = &stored.message.unknowns;
@@ -62,16 +61,8 @@ pub(super) fn known(
     let all = all.chain(of_task.iter().map(|&(kind, _)| kind));
     let set = ParameterSet::new(arm, all.map(|kind| (kind, None)))
         .map_err(|error| wrong(path, "unknowns".to_owned(), error.to_string()))?;
-    // Of logarithms the file has the quantity itself.
-    let factors: Vec<f64> = (own.iter().zip(set.parameters()))
-        .map(|(&(index, _), parameter)| {
-            let value = unknowns[index].value;
-            if parameter.is_logarithmic {
-                value.recip()
-            } else {
-                1.0
-            }
-        })
+    let factors: Vec<f64> = (own.iter())
+        .map(|&(index, kind)| unknowns[index].parameter(Some(kind)).1)
         .collect();
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
@@ -79,7 +70,7 @@ pub(super) fn known(
     let mut all = DMatrix::zeros(set.len(), set.len());
     all.view_mut((0, 0), (own.len(), own.len()))
         .copy_from(&DMatrix::from_fn(own.len(), own.len(), |row, column| {
-            covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
+            stored.covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
         }));
     for (place, (_, deviation)) in (own.len()..).zip(&of_task) {
         all[(place, place)] = deviation.powi(2);

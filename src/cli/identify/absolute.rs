@@ -1,7 +1,7 @@
 //! `identify` on absolute readings.
 
 use crate::files::output::write_whole;
-use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
+use crate::identification::{IdentificationError, Inconsistencies, ModelSelection, ReadingWeights};
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
 use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
@@ -35,7 +35,7 @@ impl Identify {
             (false, false) => ReadingWeights::AsNeeded,
         };
         let (belief, file) = (&scenario.task.belief, &self.measurements);
-        let (how, wrong) = ((weights, self.keep_all), |error: AbsoluteError| {
+        let (how, wrong) = ((weights, self.keep_all), |error: IdentificationError| {
             error.in_file(file)
         });
         let model_selection = (self.model_selection)

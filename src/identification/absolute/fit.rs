@@ -4,15 +4,14 @@ use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, inconsistent, left_out};
-use super::super::error::IdentificationError;
 use super::super::estimate::{told_degrees, two_sided_student};
 use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::{
-    AbsoluteCase, AbsoluteResult, CopiedReadings, JointError, LeftOut, ParameterGroup,
-    ReadingResidual, RejectedReading, Unexplained,
+    AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
+    ParameterGroup, ReadingResidual, RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
@@ -109,7 +108,7 @@ impl<'a> AbsoluteCase<'a> {
         &mut self,
         groups: &[ParameterGroup],
         weights: ReadingWeights,
-    ) -> AbsoluteResult<AbsoluteFit> {
+    ) -> FitResult<AbsoluteFit> {
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
@@ -132,7 +131,7 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
-    ) -> AbsoluteResult<KeptFit<'a>> {
+    ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
             let mut found = self.fit_without(start, &set, weights, None)?;
@@ -181,7 +180,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// All that is told of a fit to those readings that were kept.
-    fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> AbsoluteResult<AbsoluteFit> {
+    fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> FitResult<AbsoluteFit> {
         let (case, mut fit, discrepancy) = (found.case, found.fit, found.discrepancy);
         let stays_nominal = case.stays_nominal(&fit)?;
         if let Some(model) = &found.discrepancy_model {
@@ -217,7 +216,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// The compliances that stay nominal in a fit, with what would be found besides if they were others.
-    fn stays_nominal(&self, fit: &ParameterFit) -> AbsoluteResult<Vec<LeftOut>> {
+    fn stays_nominal(&self, fit: &ParameterFit) -> FitResult<Vec<LeftOut>> {
         let nominal = fit.freedoms.named.iter().filter(|each| each.stays_nominal);
         let nominal: Vec<_> = nominal.collect();
         if nominal.is_empty() {
@@ -245,7 +244,7 @@ impl<'a> AbsoluteCase<'a> {
         set: &ParameterSet,
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
-    ) -> AbsoluteResult<KeptFit<'a>> {
+    ) -> FitResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
         let readings = case.fitted_readings(set);
         let own = match weights {

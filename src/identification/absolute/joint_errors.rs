@@ -14,11 +14,10 @@
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX};
 use statrs::distribution::FisherSnedecor;
 
-use super::super::FitResult;
 use super::super::discrepancy::six_rows;
 use super::super::spread::logarithm;
-use super::ReadingResidual;
 use super::residuals::{LinearReading, with_joints};
+use super::{FitResult, ReadingResidual};
 use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};

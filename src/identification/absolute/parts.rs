@@ -5,11 +5,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::discrepancy::{discrepancy_covariance, three_rows};
-use super::super::{FitResult, IdentificationError};
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
 use super::{
-    AbsoluteCase, AbsoluteFit, AbsoluteResult, DiscrepancyModel, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, DiscrepancyModel, FitResult, IdentificationError, ParameterGroup,
+    ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
@@ -70,7 +70,7 @@ impl<'a> AbsoluteCase<'a> {
     ///
     /// # Errors
     /// As [`fit`](Self::fit).
-    pub fn in_parts(mut self, groups: &[ParameterGroup]) -> AbsoluteResult<PartsOfReadings<'a>> {
+    pub fn in_parts(mut self, groups: &[ParameterGroup]) -> FitResult<PartsOfReadings<'a>> {
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();

@@ -11,13 +11,12 @@ mod recommendation;
 
 use rayon::prelude::*;
 
-use super::super::error::FitResult;
 use super::super::fit::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::KeptFit;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteResult, DistanceStatistics, ParameterGroup,
+    AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, ParameterGroup,
     ReadingResidual, ReadingWeights, RejectedReading,
 };
 use crate::parameter::{ParameterKind, ParameterSet};
@@ -104,7 +103,7 @@ type Skipped = Vec<(ParameterGroup, String)>;
 
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
-    pub fn model_selection(&mut self, weights: ReadingWeights) -> AbsoluteResult<ModelSelection> {
+    pub fn model_selection(&mut self, weights: ReadingWeights) -> FitResult<ModelSelection> {
         self.check_frames()?;
         self.count_of_blocks()?;
         let start = self.far_from_frames();
@@ -161,11 +160,11 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    fn count_of_blocks(&self) -> AbsoluteResult<usize> {
+    fn count_of_blocks(&self) -> FitResult<usize> {
         let different = self.different();
         let needed = FEWEST_BLOCKS * IN_A_BLOCK;
         if different < needed {
-            return Err(AbsoluteError::TooFewConfigurations { different, needed });
+            return Err(IdentificationError::TooFewConfigurations { different, needed });
         }
         // Halves of halves hold the same numbers.
         let mut count = FEWEST_BLOCKS;
@@ -176,7 +175,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Fits all nested models, each from the one below, in the end all with the same weights; with the groups that make none.
-    fn climb(&mut self, weights: ReadingWeights) -> AbsoluteResult<(Vec<NestedModelFit>, Skipped)> {
+    fn climb(&mut self, weights: ReadingWeights) -> FitResult<(Vec<NestedModelFit>, Skipped)> {
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
             let groups = named(&steps, added);
