@@ -1,10 +1,10 @@
 //! Validation: measurements that were not fitted, with what is predicted for them.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::Case;
-use super::discrepancy::three_rows;
+use super::discrepancy::{six_rows, three_rows};
 use super::equations::PredictedRows;
 use super::error::{FitResult, IdentificationError};
 use crate::numeric::posterior::Posterior;
@@ -69,25 +69,19 @@ impl Case<'_> {
                     source,
                 }
             })?;
-            let shown = rows.own_matrix.rows(own.start, own.len().min(3));
-            let known = shown * &posterior.covariance * shown.transpose();
+            let known = rows.own_matrix.rows_range(own.clone());
+            let known = six_rows(&(known * &posterior.covariance * known.transpose()));
             let left = rows.own_left.rows_range(own).into_owned();
-            each.push(match self.measurements[index].direction {
-                Some(direction) => {
-                    let along = direction * direction.transpose();
-                    Predicted {
-                        difference_m: direction * left[0],
-                        rotation_difference_rad: None,
-                        known_m2: along * known[(0, 0)],
-                        reading_m2: along * reading[(0, 0)],
-                    }
-                }
-                None => Predicted {
-                    difference_m: three_rows(&left, 0),
-                    rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
-                    known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
-                    reading_m2: reading.fixed_view::<3, 3>(0, 0).into_owned(),
-                },
+            let along = self.measurements[index].direction;
+            let position = |of: &Matrix6<f64>| match along {
+                Some(along) => along * along.transpose() * of[(0, 0)],
+                None => of.fixed_view::<3, 3>(0, 0).into_owned(),
+            };
+            each.push(Predicted {
+                difference_m: along.map_or_else(|| three_rows(&left, 0), |along| along * left[0]),
+                rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
+                known_m2: position(&known),
+                reading_m2: position(&reading),
             });
         }
         Ok(Predictions {

@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::agreement::{agree, agree_of_estimate};
 use super::covariance::covariance_of;
+use super::estimate::UncertainEstimate;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
@@ -55,14 +56,6 @@ pub struct StoredIdentification {
 }
 
 #[derive(Deserialize)]
-struct StoredUncertain {
-    name: String,
-    prior_std: Option<f64>,
-    value: Option<f64>,
-    std: Option<f64>,
-}
-
-#[derive(Deserialize)]
 struct StoredResidual {
     #[serde(default)]
     standardised: Vec<Option<f64>>,
@@ -86,7 +79,7 @@ struct IdentificationFile {
     compliance_typical_rad_per_nm: Vec<f64>,
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     #[serde(default)]
-    uncertain: Vec<StoredUncertain>,
+    uncertain: Vec<UncertainEstimate>,
     #[serde(default)]
     undetermined_of_all: Vec<Vec<f64>>,
     #[serde(default)]
@@ -141,38 +134,9 @@ impl StoredIdentification {
     /// # Errors
     /// What is wrong with it, with its key.
     pub fn read(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        Self::read_for(path, robot).map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
-    }
-
-    fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let mut stored: IdentificationFile = of_deflections(path)?;
-        let joints = joints_of(path, &stored.parameters, robot)?;
-        let posterior = posterior(path, &stored)?;
-        let all = posterior_of_all(path, &stored, &posterior)?;
-        let discrepancy = [
-            size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
-            size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
-        ];
-        // What the numbers are more than the fit takes up.
-        let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
-        let freedom: f64 = stored.residuals.iter().map(spare).sum();
-        let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
-        let found = Self {
-            posterior,
-            all,
-            listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
-            determined: (stored.uncertain.iter().map(|each| each.std.is_some())).collect(),
-            left_out: stored.earlier_left_out.take().unwrap_or_default(),
-            joints,
-            error_sources: stored.error_sources.take(),
-            discrepancy,
-            degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
-            conditions: std::mem::take(&mut stored.conditions),
-            identified_with: stored.identified_with.take(),
-        }
-        .possible(robot);
-        check_agreement(path, &stored, &found.posterior.mean)?;
-        Ok(found)
+        let stored = of_deflections::<IdentificationFile>(path);
+        let found = stored.and_then(|stored| stored.known(path, robot));
+        found.map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
     }
 
     /// The same with nominal compliances in place of those that no joint has, and without conditions that are not of the identification.
@@ -209,6 +173,42 @@ impl StoredIdentification {
             is_own && condition.code != ConditionCode::Unidentifiable
         });
         self
+    }
+}
+
+impl IdentificationFile {
+    fn known(mut self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
+        let joints = joints_of(path, &self.parameters, robot)?;
+        let posterior = posterior(path, &self)?;
+        let all = posterior_of_all(path, &self, &posterior)?;
+        let discrepancy = [
+            size(path, "discrepancy_mm", self.discrepancy_mm)? * 1e-3,
+            size(path, "discrepancy_mrad", self.discrepancy_mrad)? * 1e-3,
+        ];
+        // What the numbers are more than the fit takes up.
+        let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
+        let freedom: f64 = self.residuals.iter().map(spare).sum();
+        let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
+        let found = StoredIdentification {
+            posterior,
+            all,
+            listed: (self.uncertain.iter().map(|each| each.prior_deviation)).collect(),
+            determined: (self
+                .uncertain
+                .iter()
+                .map(|each| each.standard_error.is_some()))
+            .collect(),
+            left_out: self.earlier_left_out.take().unwrap_or_default(),
+            joints,
+            error_sources: self.error_sources.take(),
+            discrepancy,
+            degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
+            conditions: std::mem::take(&mut self.conditions),
+            identified_with: self.identified_with.take(),
+        }
+        .possible(robot);
+        check_agreement(path, &self, &found.posterior.mean)?;
+        Ok(found)
     }
 }
 
@@ -348,7 +348,7 @@ fn check_agreement(
     }
     for (index, each) in stored.uncertain.iter().enumerate() {
         let place = size + index;
-        if let Some(error) = each.std {
+        if let Some(error) = each.standard_error {
             let root = all[place][place].max(0.0).sqrt();
             let other = (&*at("covariance_of_all", place, place), root);
             agree(path, (&format!("uncertain[{index}].std"), error), other)?;
