@@ -12,7 +12,7 @@ use crate::identification::{
     covariance_of, covariance_of_unknowns, hold_impossible, read_identified,
 };
 use crate::measurement::Origin;
-use crate::numeric::markov::{Kernel, MarkovProcess};
+use crate::numeric::markov::MarkovProcess;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ANY_VARIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
@@ -337,64 +337,59 @@ fn joint_errors(
     arm: &ElasticArm,
 ) -> Result<Vec<JointError>, KeyProblem> {
     let mut joints: Vec<JointError> = Vec::new();
-    for (index, each) in messages.iter().enumerate() {
-        let wrong = |key: &str, problem: String| Err((format!("joints[{index}].{key}"), problem));
-        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint);
-        let Some(joint) = joint else {
-            return wrong("joint", format!("the robot has no joint {:?}", each.joint));
-        };
-        if joints.iter().any(|known| known.joint == joint) {
-            return wrong("joint", format!("found {:?} twice", each.joint));
-        }
-        let [knots, values] = [each.knots.len(), each.values.len()];
-        if knots == 0 || !each.knots.windows(2).all(|pair| pair[0] < pair[1]) {
-            let problem = "wants finite numbers in ascending order";
-            return wrong("knots", problem.to_owned());
-        }
-        let kernel = Kernel {
-            correlation: each.correlation,
-            length: each.length,
-        };
-        if values != knots * kernel.order() {
-            return wrong("values", format!("found {values}; there are {knots} knots"));
-        }
-        if each.length <= 0.0 {
-            return wrong("length", format!("found {}; a size is needed", each.length));
-        }
-        for (key, size) in [
-            ("deviation", each.deviation),
-            ("repeatability", each.repeatability),
-        ] {
-            if size < 0.0 {
-                return wrong(key, format!("found {size}; a size is needed"));
-            }
-        }
-        let [positions, rotations] = [&each.spread_of_positions, &each.spread_of_rotations];
+    for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
+        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
+        let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
+        let MarkovProcess { knots, kernel } = &error.process;
+        let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
+        let (count, values) = (knots.len(), error.values.len());
+        let size = |found: f64| format!("found {found}; a size is needed");
+        let mut checks = vec![
+            (
+                "joint",
+                joint.is_some(),
+                format!("the robot has no joint {name:?}"),
+            ),
+            ("joint", !is_twice, format!("found {name:?} twice")),
+            (
+                "knots",
+                is_ascending,
+                "wants finite numbers in ascending order".to_owned(),
+            ),
+            (
+                "values",
+                values == count * kernel.order(),
+                format!("found {values}; there are {count} knots"),
+            ),
+            ("length", kernel.length > 0.0, size(kernel.length)),
+            ("deviation", error.deviation >= 0.0, size(error.deviation)),
+            (
+                "repeatability",
+                error.repeatability >= 0.0,
+                size(error.repeatability),
+            ),
+        ];
         for (key, spread) in [
-            ("spread_of_positions", positions),
-            ("spread_of_rotations", rotations),
+            ("spread_of_positions", &error.spread_of_positions),
+            ("spread_of_rotations", &error.spread_of_rotations),
         ] {
-            if let Some(most) = spread.iter().find(|value| value.abs() > MOST_SPREAD) {
-                let allowed = format!("numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
-                return wrong(key, format!("found {most}; {allowed}"));
-            }
-            if spread.len() > SPREAD_ORDERS {
-                let count = spread.len();
-                let problem = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
-                return wrong(key, problem);
-            }
+            let most = spread
+                .iter()
+                .fold(0.0, |most: f64, value| most.max(value.abs()));
+            let allowed =
+                format!("found {most}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
+            checks.push((key, most <= MOST_SPREAD, allowed));
+            let count = spread.len();
+            let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+            checks.push((key, count <= SPREAD_ORDERS, allowed));
         }
-        joints.push(JointError {
+        if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
+            return Err((format!("joints[{index}].{key}"), problem));
+        }
+        joints.extend(joint.map(|joint| JointError {
             joint,
-            process: MarkovProcess {
-                knots: each.knots.clone(),
-                kernel,
-            },
-            deviation: each.deviation,
-            repeatability: each.repeatability,
-            values: each.values.clone(),
-            spread: [positions.clone(), rotations.clone()],
-        });
+            ..error.clone()
+        }));
     }
     Ok(joints)
 }
