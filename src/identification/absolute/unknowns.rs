@@ -164,16 +164,6 @@ impl AbsoluteCase<'_> {
         kinds
     }
 
-    fn whole_frames(&self) -> Vec<ParameterKind> {
-        let mut kinds = Vec::new();
-        for station in 0..self.stations.len() {
-            kinds.extend(self.base_kinds(station));
-        }
-        let tools = 0..self.targets.len();
-        kinds.extend(tools.flat_map(ParameterKind::of_tool).flatten());
-        kinds
-    }
-
     /// What the belief leaves open, and of what it knows something before, or what groups name, with the frames: without what
     /// neither these readings nor others that are asked about could tell from the rest.
     ///
@@ -216,8 +206,9 @@ impl AbsoluteCase<'_> {
             wanted(place, kind).then_some((place, (kind, each.prior_deviation)))
         });
         let (places, mut unknowns): (Vec<usize>, Vec<Unknown>) = before.unzip();
-        let more = named.into_iter().chain(self.whole_frames());
-        for kind in more {
+        let stations = (0..self.stations.len()).flat_map(|station| self.base_kinds(station));
+        let targets = (0..self.targets.len()).flat_map(ParameterKind::of_tool);
+        for kind in (named.into_iter()).chain(stations).chain(targets.flatten()) {
             if !unknowns.iter().any(|(known, _)| *known == kind) {
                 unknowns.push((kind, prior_deviation(kind)));
             }

@@ -132,7 +132,15 @@ impl AbsoluteCase<'_> {
             .map(|step| blocks.without(&step.fit))
             .map(|found| found.map_err(|error| error.to_string()))
             .collect();
-        let judged = judged_by_all(&blocks, &without);
+        // Which readings all nested models tell from the other blocks.
+        let mut judged = vec![true; blocks.of_readings.len()];
+        for without in without.iter().flatten() {
+            for (block, without) in without.iter().enumerate() {
+                for (place, is_told) in blocks.places(block).zip(&without.is_told) {
+                    judged[place] &= is_told;
+                }
+            }
+        }
         let mut nested_models = Vec::new();
         for (step, without) in steps.into_iter().zip(without) {
             let left = case.left(&step.fit.belief)?;
@@ -253,19 +261,6 @@ fn named(steps: &[NestedModelFit], added: ParameterGroup) -> Vec<ParameterGroup>
         groups.push(ParameterGroup::Frames);
     }
     groups
-}
-
-/// Which readings all nested models tell from the other blocks.
-fn judged_by_all(blocks: &Blocks<'_>, nested_models: &[Result<Vec<Without>, String>]) -> Vec<bool> {
-    let mut judged = vec![true; blocks.of_readings.len()];
-    for without in nested_models.iter().flatten() {
-        for (block, without) in without.iter().enumerate() {
-            for (place, is_told) in blocks.places(block).zip(&without.is_told) {
-                judged[place] &= is_told;
-            }
-        }
-    }
-    judged
 }
 
 /// What a nested model leaves of each block that it was not fitted to, of the readings that are judged.
