@@ -60,7 +60,7 @@ pub enum IdentificationError {
         /// The first reading of it.
         reading: usize,
         /// What is wrong.
-        source: FileError,
+        source: Box<FileError>,
     },
     /// A target beyond the link that carries the load.
     #[error(

@@ -234,7 +234,7 @@ impl<'a> AbsoluteCase<'a> {
             SerialChain::tool(&self.belief.nominal.model, name).map_err(|source| {
                 IdentificationError::Target {
                     reading: index + 1,
-                    source,
+                    source: Box::new(source),
                 }
             })?
         };

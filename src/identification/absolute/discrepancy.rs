@@ -112,11 +112,7 @@ impl AbsoluteCase<'_> {
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
     fn fit_of_frames(&self) -> FitResult<ParameterFit> {
-        Ok(fit_parameters(
-            &self.arm,
-            &self.frames()?,
-            &self.observations,
-        )?)
+        fit_parameters(&self.arm, &self.frames()?, &self.observations)
     }
 
     /// The robot as it is in the frames that suit the readings best.

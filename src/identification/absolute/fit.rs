@@ -255,7 +255,7 @@ impl<'a> AbsoluteCase<'a> {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,
-                    Err(error) => return Err(error.into()),
+                    Err(error) => return Err(error),
                 }
             }
         };

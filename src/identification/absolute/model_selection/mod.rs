@@ -211,7 +211,7 @@ impl AbsoluteCase<'_> {
                     self.weigh_by(&fit, weights)?;
                     steps.push(NestedModelFit { added, groups, fit });
                 }
-                Err(error) if steps.is_empty() => return Err(error.into()),
+                Err(error) if steps.is_empty() => return Err(error),
                 Err(error) => skipped.push((added, error.to_string())),
             }
         }
