@@ -373,12 +373,11 @@ fn joint_errors(
             ("spread_of_positions", &error.spread_of_positions),
             ("spread_of_rotations", &error.spread_of_rotations),
         ] {
-            let most = spread
-                .iter()
-                .fold(0.0, |most: f64, value| most.max(value.abs()));
+            let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
+            let found = far.copied().unwrap_or_default();
             let allowed =
-                format!("found {most}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
-            checks.push((key, most <= MOST_SPREAD, allowed));
+                format!("found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
+            checks.push((key, far.is_none(), allowed));
             let count = spread.len();
             let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
             checks.push((key, count <= SPREAD_ORDERS, allowed));
