@@ -174,7 +174,8 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    Case::as_believed(belief, measurements).identify_holding()
+    let case = Case::as_believed(belief, measurements);
+    case.or_holding(case.identify())
 }
 
 /// The same over and over from measurements of one plan.

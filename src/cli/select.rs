@@ -82,7 +82,7 @@ impl Select {
 fn describe(selection: &Selection<'_>) -> String {
     let mut text = format!(
         "{} unknowns{}; mean residual of a fit of all {}: {:.4} mm\n",
-        selection.parts.set().len(),
+        selection.parts.all.set.len(),
         match selection.known_before() {
             0 => String::new(),
             known => format!(", of {known} of which something is known before"),
@@ -93,7 +93,7 @@ fn describe(selection: &Selection<'_>) -> String {
     for of_size in &selection.sizes {
         text += &format!("\n{}", of_one_size(of_size, selection.parts.unit()));
     }
-    let counted = if selection.parts.functions().is_empty() {
+    let counted = if selection.parts.known.functions.is_empty() {
         "are for errors that are independent between readings"
     } else {
         "count joint error functions, which every fit has"

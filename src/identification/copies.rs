@@ -146,22 +146,16 @@ impl CopiedReadings {
 /// So many pairs are listed.
 const SHOWN: usize = 5;
 
-/// Whether chance explains that other readings of the same are these again, of so many coordinates and a resolution (m) each: they are
-/// coarse.
+/// Whether chance explains that other readings of the same are these again, each number as it was, of so many coordinates and a resolution
+/// (m) each: they are coarse.
 pub(super) fn may_repeat(kinds: impl IntoIterator<Item = (Vec<ReadBits>, usize, f64)>) -> bool {
-    let again = |(all, coordinates, resolution_m): (Vec<_>, _, _)| {
-        again_by_chance(&all, coordinates, resolution_m)
+    let again = |(all, coordinates, resolution_m): (Vec<ReadBits>, usize, f64)| {
+        let step_m = shown_resolution_m(&all).max(resolution_m);
+        let sigmas = (all.iter()).flat_map(|each| each.sigma_m.into_iter().take(coordinates));
+        let chances = sigmas.map(|&sigma_m| equal_by_chance(step_m, sigma_m, 0.0));
+        chances.product::<f64>()
     };
     kinds.into_iter().map(again).product::<f64>() >= CHANCE
-}
-
-/// The probability that chance reads all of this again, each number as it was.
-fn again_by_chance(all: &[ReadBits], coordinates: usize, resolution_m: f64) -> f64 {
-    let step_m = shown_resolution_m(all).max(resolution_m);
-    let of_one = |each: &ReadBits, axis| equal_by_chance(step_m, each.sigma_m[axis], 0.0);
-    (all.iter())
-        .flat_map(|each| (0..coordinates).map(move |axis| of_one(each, axis)))
-        .product()
 }
 
 /// Pairs of readings that are equal.

@@ -1,7 +1,7 @@
 //! From measurements to compliances with their uncertainty.
 
 use nalgebra::{DMatrix, Vector3};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 use super::case::{Case, Sigma};
@@ -41,7 +41,7 @@ pub struct Estimate {
 }
 
 /// What measurements say of something that is uncertain besides the identified compliances.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct UncertainEstimate {
     /// Its name, such as "load.scale" or "joint_1.compliance".
     pub name: String,

@@ -30,11 +30,11 @@ mod tails;
 mod whitening;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, AbsoluteResult, CONTRADICTION, CrossValidation,
-    DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
-    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
-    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
-    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
+    AbsoluteCase, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
+    DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut, ModelSelection,
+    MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn, PredictedPositions,
+    ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent, RepeatComponents, SQUARE_95,
+    SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
@@ -49,11 +49,11 @@ pub use fit::{ParameterFit, fit_parameters};
 pub use frames::{MountedFrames, RobustFrames, Sight};
 pub use nominal::UNKNOWN as UNKNOWN_COMPLIANCE;
 pub use outliers::{IMPLAUSIBLE, RejectedReading};
-pub use prediction::{Predicted, PredictionError, Predictions};
+pub use prediction::{Predicted, Predictions};
 pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
 pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
-pub use stored::{StoredIdentification, hold_impossible, is_identified_from, nominal_instead};
+pub use stored::{StoredIdentification, hold_impossible, is_identified_from};
 pub(crate) use stored::{StoredOrigin, read_identified};
-pub use stored_readings::{UnknownMessage, check_unknowns};
+pub use stored_readings::{UnknownMessage, covariance_of_unknowns};

@@ -1,14 +1,13 @@
 //! Validation: measurements that were not fitted, with what is predicted for them.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use thiserror::Error;
 
 use super::Case;
-use super::discrepancy::three_rows;
+use super::discrepancy::{six_rows, three_rows};
 use super::equations::PredictedRows;
 use super::error::{FitResult, IdentificationError};
-use crate::numeric::posterior::{NotDetermined, Posterior};
+use crate::numeric::posterior::Posterior;
 use crate::task::Method;
 
 /// A measurement beside its prediction.
@@ -44,70 +43,45 @@ impl Predictions {
     }
 }
 
-/// Why there is no prediction.
-#[derive(Debug, Error)]
-pub enum PredictionError {
-    /// There are no measurements, or the robot gives way under a load.
-    #[error(transparent)]
-    Identification(#[from] IdentificationError),
-    /// What is measured depends on what was not identified.
-    #[error("measurement {measurement}: what is predicted depends on compliances: {source}")]
-    NotDetermined {
-        /// The measurement, from 1.
-        measurement: usize,
-        /// Which.
-        source: NotDetermined,
-    },
-    /// There is no covariance to judge by.
-    #[error("the covariance of what was identified is none")]
-    Singular,
-}
-
 impl Case<'_> {
     /// The measurements beside what a posterior of the unknowns predicts for them. What was known before is in the
     /// posterior.
     ///
     /// # Errors
     /// A measurement has no prediction, or the posterior is none.
-    pub fn predictions(&self, posterior: &Posterior) -> Result<Predictions, PredictionError> {
+    pub fn predictions(&self, posterior: &Posterior) -> FitResult<Predictions> {
         if self.measurements.is_empty() {
-            return Err(IdentificationError::NoMeasurements.into());
+            return Err(IdentificationError::NoMeasurements);
         }
         let rows = self.against(&posterior.mean)?;
         let known = &rows.matrix * &posterior.covariance * rows.matrix.transpose();
         let size = self.rows();
         let factor = (&known + DMatrix::identity(size, size))
             .cholesky()
-            .ok_or(PredictionError::Singular)?;
+            .ok_or(IdentificationError::Singular)?;
         let mut each = Vec::new();
         let readings = self.covariances().into_iter().zip(self.rows_of_each());
         for (index, (reading, own)) in readings.enumerate() {
             let whitened = rows.matrix.rows_range(own.clone()).into_owned();
             (posterior.variance_of(&whitened)).map_err(|source| {
-                PredictionError::NotDetermined {
+                IdentificationError::NotDetermined {
                     measurement: index + 1,
                     source,
                 }
             })?;
-            let shown = rows.own_matrix.rows(own.start, own.len().min(3));
-            let known = shown * &posterior.covariance * shown.transpose();
+            let known = rows.own_matrix.rows_range(own.clone());
+            let known = six_rows(&(known * &posterior.covariance * known.transpose()));
             let left = rows.own_left.rows_range(own).into_owned();
-            each.push(match self.measurements[index].direction {
-                Some(direction) => {
-                    let along = direction * direction.transpose();
-                    Predicted {
-                        difference_m: direction * left[0],
-                        rotation_difference_rad: None,
-                        known_m2: along * known[(0, 0)],
-                        reading_m2: along * reading[(0, 0)],
-                    }
-                }
-                None => Predicted {
-                    difference_m: three_rows(&left, 0),
-                    rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
-                    known_m2: known.fixed_view::<3, 3>(0, 0).into_owned(),
-                    reading_m2: reading.fixed_view::<3, 3>(0, 0).into_owned(),
-                },
+            let along = self.measurements[index].direction;
+            let position = |of: &Matrix6<f64>| match along {
+                Some(along) => along * along.transpose() * of[(0, 0)],
+                None => of.fixed_view::<3, 3>(0, 0).into_owned(),
+            };
+            each.push(Predicted {
+                difference_m: along.map_or_else(|| three_rows(&left, 0), |along| along * left[0]),
+                rotation_difference_rad: (left.len() > 3).then(|| three_rows(&left, 3)),
+                known_m2: position(&known),
+                reading_m2: position(&reading),
             });
         }
         Ok(Predictions {

@@ -110,29 +110,32 @@ fn residual(
     let leverage = 0.0 - known.trace();
     let own = DMatrix::identity(of.len(), of.len()) * variance;
     let squares = squares_of(&rows.left.rows_range(of).into_owned(), own + known);
-    let square: f64 = squares.iter().sum();
+    let (square, freedom): (f64, _) = (squares.iter().sum(), squares.len());
+    // Of a square at least as large: chi-squared, or F against the variance of the other residuals.
+    let probability = match others {
+        None => ChiSquared::new(freedom as f64)
+            .map(|law| law.sf(square))
+            .ok(),
+        Some((all, of_all)) => {
+            let [own, others] = [freedom as f64, of_all as f64 - freedom as f64];
+            let ratio = (square / own) / ((all - square).max(0.0) / others);
+            let law = FisherSnedecor::new(own, others);
+            law.map(|law| {
+                if ratio.is_finite() {
+                    law.sf(ratio)
+                } else {
+                    0.0
+                }
+            })
+            .ok()
+        }
+    };
     MeasurementResidual {
         measurement: 0,
         standardised,
         leverage,
         distance: square.sqrt() / scale,
-        freedom: squares.len(),
-        probability: probability(square, squares.len(), others),
+        freedom,
+        probability,
     }
-}
-
-/// The probability of a square at least as large: chi-squared, or F against the variance of the other residuals.
-fn probability(square: f64, freedom: usize, others: Option<(f64, usize)>) -> Option<f64> {
-    let own = freedom as f64;
-    let Some((all, freedom)) = others else {
-        return Some(ChiSquared::new(own).ok()?.sf(square));
-    };
-    let others = freedom as f64 - own;
-    let law = FisherSnedecor::new(own, others).ok()?;
-    let left = (all - square).max(0.0);
-    Some(if left > 0.0 {
-        law.sf((square / own) / (left / others))
-    } else {
-        0.0
-    })
 }

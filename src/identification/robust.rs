@@ -80,17 +80,12 @@ impl<'a> Case<'a> {
         Ok(without.unwrap_or(found))
     }
 
-    /// Identifies what is unknown from all measurements, with the standard deviations that are believed; compliances of which they tell
-    /// less stay nominal.
+    /// What was identified from all measurements, unless compliances are to stay nominal of which they tell less: then what is identified
+    /// beside these.
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
-    pub fn identify_holding(&self) -> FitResult<Identification> {
-        self.or_holding(self.identify())
-    }
-
-    /// What was identified, unless compliances are to stay nominal: then what is identified beside these.
-    pub(super) fn or_holding(&self, found: FitResult<Identification>) -> FitResult<Identification> {
+    pub fn or_holding(&self, found: FitResult<Identification>) -> FitResult<Identification> {
         self.holding(found, |found| found, |case| case.identify_near(None))
     }
 

@@ -8,6 +8,7 @@ use serde::de::DeserializeOwned;
 
 use super::agreement::{agree, agree_of_estimate};
 use super::covariance::covariance_of;
+use super::estimate::UncertainEstimate;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
@@ -16,7 +17,7 @@ use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::quantities::plausible::{ANY_VARIANCE, ELASTIC_COMPLIANCE, VARIANCE};
-use crate::robot::Robot;
+use crate::robot::{Joint, Robot};
 use crate::task::{Fingerprint, LeftNominal, Method};
 
 /// Which file is wanted.
@@ -55,14 +56,6 @@ pub struct StoredIdentification {
 }
 
 #[derive(Deserialize)]
-struct StoredUncertain {
-    name: String,
-    prior_std: Option<f64>,
-    value: Option<f64>,
-    std: Option<f64>,
-}
-
-#[derive(Deserialize)]
 struct StoredResidual {
     #[serde(default)]
     standardised: Vec<Option<f64>>,
@@ -86,7 +79,7 @@ struct IdentificationFile {
     compliance_typical_rad_per_nm: Vec<f64>,
     covariance_rad2_per_n2m2: Vec<Vec<f64>>,
     #[serde(default)]
-    uncertain: Vec<StoredUncertain>,
+    uncertain: Vec<UncertainEstimate>,
     #[serde(default)]
     undetermined_of_all: Vec<Vec<f64>>,
     #[serde(default)]
@@ -141,38 +134,9 @@ impl StoredIdentification {
     /// # Errors
     /// What is wrong with it, with its key.
     pub fn read(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        Self::read_for(path, robot).map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
-    }
-
-    fn read_for(path: &Path, robot: &Robot) -> Result<Self, FileError> {
-        let mut stored: IdentificationFile = of_deflections(path)?;
-        let joints = joints_of(path, &stored.parameters, robot)?;
-        let posterior = posterior(path, &stored)?;
-        let all = posterior_of_all(path, &stored, &posterior)?;
-        let discrepancy = [
-            size(path, "discrepancy_mm", stored.discrepancy_mm)? * 1e-3,
-            size(path, "discrepancy_mrad", stored.discrepancy_mrad)? * 1e-3,
-        ];
-        // What the numbers are more than the fit takes up.
-        let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
-        let freedom: f64 = stored.residuals.iter().map(spare).sum();
-        let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
-        let found = Self {
-            posterior,
-            all,
-            listed: stored.uncertain.iter().map(|each| each.prior_std).collect(),
-            determined: (stored.uncertain.iter().map(|each| each.std.is_some())).collect(),
-            left_out: stored.earlier_left_out.take().unwrap_or_default(),
-            joints,
-            error_sources: stored.error_sources.take(),
-            discrepancy,
-            degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
-            conditions: std::mem::take(&mut stored.conditions),
-            identified_with: stored.identified_with.take(),
-        }
-        .possible(robot);
-        check_agreement(path, &stored, &found.posterior.mean)?;
-        Ok(found)
+        let stored = of_deflections::<IdentificationFile>(path);
+        let found = stored.and_then(|stored| stored.known(path, robot));
+        found.map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))
     }
 
     /// The same with nominal compliances in place of those that no joint has, and without conditions that are not of the identification.
@@ -180,17 +144,15 @@ impl StoredIdentification {
         let known = self.all.as_ref().unwrap_or(&self.posterior);
         let mut values = known.mean.clone();
         let joints = &self.joints;
-        let (held, shift) = hold_impossible(
-            &mut values,
-            &known.covariance,
-            |place| robot.compliance_rad_per_nm[joints[place]],
-            |place| place < joints.len() && self.posterior.standard_error(place).is_some(),
-        );
-        for (place, value) in held {
-            let joint = &robot.chain.joints[joints[place]];
-            let unit = joint.drive.compliance_unit();
-            (self.conditions).push(nominal_instead(&joint.name, value, unit));
-        }
+        let compliance = |place: usize| {
+            let joint = *joints.get(place)?;
+            self.posterior.standard_error(place)?;
+            let Joint { name, drive, .. } = &robot.chain.joints[joint];
+            let nominal = robot.compliance_rad_per_nm[joint];
+            Some((nominal, name.as_str(), drive.compliance_unit()))
+        };
+        let (held, shift) = hold_impossible(&mut values, &known.covariance, compliance);
+        self.conditions.extend(held);
         // What stands in where only combinations are determined went with that when the file was written.
         let stands_in = |place: &usize| self.posterior.standard_error(*place).is_none();
         for place in (0..joints.len()).filter(stands_in) {
@@ -214,32 +176,66 @@ impl StoredIdentification {
     }
 }
 
-/// That an identified compliance in its unit is none.
-pub fn nominal_instead(joint: &str, value: f64, unit: &str) -> Condition {
-    ConditionCode::ImpossibleCompliance.with(format!(
-        "the identified compliance of {joint} is {value:.3e} {unit}, which no joint has: replaced by the nominal value, the \
-         other parameters conditioned on it"
-    ))
+impl IdentificationFile {
+    fn known(mut self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
+        let joints = joints_of(path, &self.parameters, robot)?;
+        let posterior = posterior(path, &self)?;
+        let all = posterior_of_all(path, &self, &posterior)?;
+        let discrepancy = [
+            size(path, "discrepancy_mm", self.discrepancy_mm)? * 1e-3,
+            size(path, "discrepancy_mrad", self.discrepancy_mrad)? * 1e-3,
+        ];
+        // What the numbers are more than the fit takes up.
+        let spare = |each: &StoredResidual| each.standardised.len() as f64 - each.leverage;
+        let freedom: f64 = self.residuals.iter().map(spare).sum();
+        let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
+        let found = StoredIdentification {
+            posterior,
+            all,
+            listed: (self.uncertain.iter().map(|each| each.prior_deviation)).collect(),
+            determined: (self
+                .uncertain
+                .iter()
+                .map(|each| each.standard_error.is_some()))
+            .collect(),
+            left_out: self.earlier_left_out.take().unwrap_or_default(),
+            joints,
+            error_sources: self.error_sources.take(),
+            discrepancy,
+            degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
+            conditions: std::mem::take(&mut self.conditions),
+            identified_with: self.identified_with.take(),
+        }
+        .possible(robot);
+        check_agreement(path, &self, &found.posterior.mean)?;
+        Ok(found)
+    }
 }
 
-/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that; their places with what was
-/// there, and by how much all moved: what errs about the values that are taken has this shift, squared, beside the covariance.
-pub fn hold_impossible(
+/// Takes the nominal compliance for identified ones that no joint has, and all else as it goes with that: what was done, and by how much all
+/// moved. What errs about the values that are taken has this shift, squared, beside the covariance. Of a compliance its place tells the
+/// nominal value, its joint's name and its unit.
+pub fn hold_impossible<'a>(
     values: &mut [f64],
     covariance: &DMatrix<f64>,
-    nominal: impl Fn(usize) -> f64,
-    is_compliance: impl Fn(usize) -> bool,
-) -> (Vec<(usize, f64)>, DVector<f64>) {
+    compliance: impl Fn(usize) -> Option<(f64, &'a str, &'a str)>,
+) -> (Vec<Condition>, DVector<f64>) {
     let found = DVector::from_column_slice(values);
     let mut given = covariance.clone();
-    let mut held: Vec<(usize, f64)> = Vec::new();
+    let (mut held, mut done): (Vec<(usize, f64)>, Vec<Condition>) = (Vec::new(), Vec::new());
     // One that moves along may become impossible in its turn.
-    while let Some(place) = (0..values.len()).find(|&place| {
-        let is_held = held.iter().any(|each| each.0 == place);
-        !is_held && is_compliance(place) && !ELASTIC_COMPLIANCE.allows(values[place])
-    }) {
-        held.push((place, values[place]));
-        let (off, own) = (nominal(place) - values[place], given[(place, place)]);
+    while let Some((place, (nominal, joint, unit))) = (0..values.len())
+        .filter(|place| held.iter().all(|each| each.0 != *place))
+        .filter(|&place| !ELASTIC_COMPLIANCE.allows(values[place]))
+        .find_map(|place| Some((place, compliance(place)?)))
+    {
+        held.push((place, nominal));
+        done.push(ConditionCode::ImpossibleCompliance.with(format!(
+            "the identified compliance of {joint} is {:.3e} {unit}, which no joint has: replaced by the nominal value, the \
+             other parameters conditioned on it",
+            values[place]
+        )));
+        let (off, own) = (nominal - values[place], given[(place, place)]);
         if own > ROUNDING * covariance[(place, place)] {
             let column = given.column(place).into_owned();
             for (value, with) in values.iter_mut().zip(&column) {
@@ -248,11 +244,11 @@ pub fn hold_impossible(
             given.ger(-own.recip(), &column, &column, 1.0);
         }
     }
-    for &(place, _) in &held {
-        values[place] = nominal(place);
+    for (place, nominal) in held {
+        values[place] = nominal;
     }
     let shift = DVector::from_column_slice(values) - found;
-    (held, shift)
+    (done, shift)
 }
 
 /// Zero where the file has none.
@@ -352,7 +348,7 @@ fn check_agreement(
     }
     for (index, each) in stored.uncertain.iter().enumerate() {
         let place = size + index;
-        if let Some(error) = each.std {
+        if let Some(error) = each.standard_error {
             let root = all[place][place].max(0.0).sqrt();
             let other = (&*at("covariance_of_all", place, place), root);
             agree(path, (&format!("uncertain[{index}].std"), error), other)?;

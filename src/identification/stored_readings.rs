@@ -90,17 +90,9 @@ impl StoredIdentification {
 impl ReadingsFile {
     /// What was determined of the robot and the load cell: compliances, then all else.
     fn known(self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
-        let wrong = |key: String, problem: String| FileError::new(path, problem).at(key);
-        check_unknowns(path, &self.unknowns, &self.covariance)?;
-        let all = covariance_of(&self.covariance, &ANY_VARIANCE)
-            .map_err(|(place, problem)| wrong(format!("covariance{place}"), problem))?;
+        let all = covariance_of_unknowns(path, &self.unknowns, &self.covariance)?;
         let kinds = self.kinds(path, robot)?;
         let unknowns = &self.unknowns;
-        if all.nrows() != unknowns.len() {
-            let (rows, unknowns) = (all.nrows(), unknowns.len());
-            let problem = format!("found {rows} rows; there are {unknowns} unknowns");
-            return Err(wrong("covariance".to_owned(), problem));
-        }
         let joint = |place: &usize| match kinds[*place] {
             Some(ParameterKind::JointCompliance { joint }) => Some(joint),
             _ => None,
@@ -111,58 +103,29 @@ impl ReadingsFile {
             .partition(|place| joint(place).is_some());
         let joints: Vec<usize> = places.iter().filter_map(joint).collect();
         places.extend(&others);
-        // A logarithm is of the ratio to what is nominal.
-        let is_logarithm =
-            |place: usize| kinds[place].is_some_and(|kind| kind.is_logarithmic(false));
-        let value = |place: usize| {
-            let UnknownMessage { value, nominal, .. } = unknowns[place];
-            if is_logarithm(place) {
-                (value / nominal).ln()
-            } else {
-                value
-            }
-        };
-        let factor = |place: usize| {
-            let value = unknowns[place].value;
-            if is_logarithm(place) {
-                value.recip()
-            } else {
-                1.0
-            }
-        };
-        let mean: Vec<f64> = places.iter().map(|&place| value(place)).collect();
-        if let Some(place) = mean.iter().position(|value| !value.is_finite()) {
-            let (key, found) = (places[place], unknowns[places[place]].value);
-            return Err(wrong(
-                format!("unknowns[{key}].value"),
-                format!("found {found}"),
-            ));
+        let (values, factors): (Vec<f64>, Vec<f64>) = (unknowns.iter().zip(&kinds))
+            .map(|(unknown, kind)| unknown.parameter(*kind))
+            .unzip();
+        if let Some(&place) = places.iter().find(|&&place| !values[place].is_finite()) {
+            let problem = format!("found {}", unknowns[place].value);
+            return Err(FileError::new(path, problem).at(format!("unknowns[{place}].value")));
         }
-        let covariance = DMatrix::from_fn(places.len(), places.len(), |row, column| {
-            let (row, column) = (places[row], places[column]);
-            all[(row, column)] * factor(row) * factor(column)
-        });
-        let typical = robot.typical_rad_per_nm(&joints);
-        let names: Vec<String> = (places.iter())
-            .map(|&place| unknowns[place].name.clone())
-            .collect();
-        let own = joints.len();
-        let posterior = Posterior {
-            names: names[..own].to_vec(),
-            mean: mean[..own].to_vec(),
-            covariance: covariance.view((0, 0), (own, own)).into_owned(),
-            estimable: Estimable::with_hidden(&typical, DMatrix::zeros(own, 0)),
+        let of_first = |count: usize, typical: &[f64]| {
+            let places = &places[..count];
+            let name = |&place: &usize| unknowns[place].name.clone();
+            Posterior {
+                names: places.iter().map(name).collect(),
+                mean: places.iter().map(|&place| values[place]).collect(),
+                covariance: DMatrix::from_fn(count, count, |row, column| {
+                    let (row, column) = (places[row], places[column]);
+                    all[(row, column)] * factors[row] * factors[column]
+                }),
+                estimable: Estimable::with_hidden(typical, DMatrix::zeros(count, 0)),
+            }
         };
-        let all = Posterior {
-            names,
-            mean,
-            covariance,
-            estimable: Estimable::with_hidden(
-                &vec![1.0; places.len()],
-                DMatrix::zeros(places.len(), 0),
-            ),
-        };
-        let left_out = self.left_out(path, &places, &factor)?;
+        let posterior = of_first(joints.len(), &robot.typical_rad_per_nm(&joints));
+        let all = of_first(places.len(), &vec![1.0; places.len()]);
+        let left_out = self.left_out(path, &places, &factors)?;
         let sizes = [self.discrepancy_mm, self.discrepancy_mrad];
         let mut conditions = self.conditions;
         let functions = self.discrepancy_model.map_or(0, |model| model.joints.len());
@@ -213,12 +176,12 @@ impl ReadingsFile {
         unknowns.map(kind).collect()
     }
 
-    /// What was left nominal, with what was found in its place at some places.
+    /// What was left nominal, with what was found in its place at some places, where parameters change by these factors.
     fn left_out(
         &self,
         path: &Path,
         places: &[usize],
-        factor: &dyn Fn(usize) -> f64,
+        factors: &[f64],
     ) -> Result<Vec<LeftNominal>, FileError> {
         let mut all: Vec<LeftNominal> = Vec::new();
         for (key, list) in [
@@ -235,7 +198,7 @@ impl ReadingsFile {
                     );
                 }
                 let change = |&place: &usize| {
-                    let change = shift[place] * factor(place);
+                    let change = shift[place] * factors[place];
                     (change != 0.0).then(|| (self.unknowns[place].name.clone(), change))
                 };
                 if !self.is_of_frame(name) {
@@ -257,17 +220,29 @@ impl ReadingsFile {
     }
 }
 
-/// Whether unknowns and their covariance agree, as far as it is there.
+impl UnknownMessage {
+    /// Its value as a parameter of a kind has it, and by how much that changes with the value: a logarithm is of the ratio to what is nominal.
+    pub fn parameter(&self, kind: Option<ParameterKind>) -> (f64, f64) {
+        match kind {
+            Some(kind) if kind.is_logarithmic(false) => {
+                ((self.value / self.nominal).ln(), self.value.recip())
+            }
+            _ => (self.value, 1.0),
+        }
+    }
+}
+
+/// The covariance of unknowns, in their units.
 ///
 /// # Errors
-/// They do not, by the key.
-pub fn check_unknowns(
+/// It is none, or does not agree with what they say of it, by the key.
+pub fn covariance_of_unknowns(
     path: &Path,
     unknowns: &[UnknownMessage],
-    covariance: &[Vec<f64>],
-) -> Result<(), FileError> {
-    for (index, unknown) in unknowns.iter().enumerate() {
-        let Some(&variance) = covariance.get(index).and_then(|row| row.get(index)) else {
+    rows: &[Vec<f64>],
+) -> Result<DMatrix<f64>, FileError> {
+    for (index, (unknown, row)) in unknowns.iter().zip(rows).enumerate() {
+        let Some(&variance) = row.get(index) else {
             continue;
         };
         let key = |name: &str| format!("unknowns[{index}].{name}");
@@ -279,5 +254,14 @@ pub fn check_unknowns(
             (&key("interval95"), unknown.interval95),
         )?;
     }
-    Ok(())
+    let wrong = |place: &str, problem: String| {
+        let wrong = FileError::new(path, problem).at(format!("covariance{place}"));
+        wrong.code(ErrorCode::IdentifiedFile)
+    };
+    if rows.len() != unknowns.len() {
+        let (rows, unknowns) = (rows.len(), unknowns.len());
+        let problem = format!("found {rows} rows; there are {unknowns} unknowns");
+        return Err(wrong("", problem));
+    }
+    covariance_of(rows, &ANY_VARIANCE).map_err(|(place, problem)| wrong(&place, problem))
 }

@@ -4,7 +4,7 @@
 use nalgebra::DMatrix;
 
 use crate::experiment::{Experiment, Plan};
-use crate::identification::{Case, PredictionError, Predictions};
+use crate::identification::{Case, IdentificationError, Predictions};
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::plan::ExperimentModel;
@@ -64,7 +64,7 @@ pub fn validate(
     belief: &Belief,
     posterior: &Posterior,
     measurements: &[Measurement],
-) -> Result<Predictions, PredictionError> {
+) -> Result<Predictions, IdentificationError> {
     let case = Case::as_believed(belief, measurements);
     case.predictions(&belief.uncertain.in_another_campaign(posterior))
 }

@@ -7,10 +7,9 @@ use serde_json::Value;
 use super::messages::rows_of;
 use crate::codes::Condition;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, DistanceStatistics, LeftOut, RejectedReading, Unexplained,
-    UnknownMessage,
+    AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, RejectedReading,
+    Unexplained, UnknownMessage,
 };
-use crate::numeric::markov::Correlation;
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
 
@@ -103,33 +102,14 @@ pub struct ReadRange {
     pub range: [f64; 2],
 }
 
-/// What one joint is off by, as a function of its own angle.
+/// What one joint is off by.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct JointErrorMessage {
     /// The joint's name.
     pub joint: String,
-    /// The standard deviation of its error (rad; m where it slides).
-    pub deviation: f64,
-    /// The standard deviation of how it returns at each visit (rad; m).
-    #[serde(default)]
-    pub repeatability: f64,
-    /// How the error is correlated.
-    #[serde(default, skip_serializing_if = "Correlation::is_exponential")]
-    pub correlation: Correlation,
-    /// The length of the joint's way over which the error forgets (rad; m).
-    pub length: f64,
-    /// Angles in ascending order (rad; m).
-    pub knots: Vec<f64>,
-    /// By how much further than commanded the joint stands there (rad; m); of a smooth error at each knot that, and its slope times the
-    /// length.
-    pub values: Vec<f64>,
-    /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
-    /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
-    #[serde(default)]
-    pub spread_of_positions: Vec<f64>,
-    /// The same of rotations.
-    #[serde(default)]
-    pub spread_of_rotations: Vec<f64>,
+    /// Its error.
+    #[serde(flatten)]
+    pub error: JointError,
 }
 
 /// What parameters leave unexplained, told apart.
@@ -267,14 +247,7 @@ fn discrepancy_model(
         joints: (model.joints.iter())
             .map(|each| JointErrorMessage {
                 joint: joints[each.joint].name.clone(),
-                deviation: each.deviation,
-                repeatability: each.repeatability,
-                correlation: each.process.kernel.correlation,
-                length: each.process.kernel.length,
-                knots: each.process.knots.clone(),
-                values: each.values.clone(),
-                spread_of_positions: each.spread[0].clone(),
-                spread_of_rotations: each.spread[1].clone(),
+                error: each.clone(),
             })
             .collect(),
         shift,

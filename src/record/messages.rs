@@ -251,8 +251,14 @@ impl IdentificationMessage {
         hold_impossible(
             &mut applied,
             &identification.posterior.covariance,
-            |place| nominal_rad_per_nm[joints[place].joint],
-            |place| (joints.get(place)).is_some_and(|each| each.estimate.is_some()),
+            |place| {
+                let found = joints.get(place).filter(|each| each.estimate.is_some())?;
+                Some((
+                    nominal_rad_per_nm[found.joint],
+                    found.name.as_str(),
+                    found.unit,
+                ))
+            },
         );
         applied.truncate(joints.len());
         // What else is uncertain stands apart.

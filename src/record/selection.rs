@@ -10,7 +10,7 @@ pub fn selection_json(selection: &Selection<'_>) -> Value {
     let (parts, all) = (&selection.parts, &selection.parts.all);
     let names = all.set.parameters().iter().map(|each| &each.name);
     let left_out = all.left_out.iter().map(|each| &each.name);
-    let joint_errors = parts.functions().iter().map(|each| {
+    let joint_errors = parts.known.functions.iter().map(|each| {
         let joint = &all.arm.chain.joints[each.joint];
         let (std, length) = (each.deviation_rad * 1e3, each.kernel.length);
         let mut function = if joint.drive.slides {

@@ -8,7 +8,7 @@ use super::absolute::{ReadingRuns, ReadingsRun};
 use super::tally::{FailedRun, Failure};
 use super::virtual_readings::{VirtualReadingError, VisitedRow};
 use crate::calibration::{Calibration, CalibrationError, CompensatedPose};
-use crate::identification::{AbsoluteCase, AbsoluteError};
+use crate::identification::{AbsoluteCase, IdentificationError};
 use crate::robot::{EquilibriumError, Load};
 use crate::task::{Station, Task, TestPose};
 use crate::testbed::{MeasurementError, TrueRobots, Truth, VirtualRobot};
@@ -173,7 +173,7 @@ impl ReadingRuns<'_> {
         run: u64,
     ) -> Result<(ReadingsRun, Vec<Vector3<f64>>, CarriedOut), FailedRun> {
         let read = self.run(robots, seed, run)?;
-        let no_fit = |error: AbsoluteError| Failure::Identification.because(&error);
+        let no_fit = |error: IdentificationError| Failure::Identification.because(&error);
         let case = AbsoluteCase::new(&self.task.belief, &read.readings).map_err(no_fit)?;
         let nominal = case.in_best_frames().map_err(no_fit)?;
         let frames = self.read.frames(robots, seed, run);

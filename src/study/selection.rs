@@ -12,12 +12,13 @@ use rand::seq::index;
 use rayon::prelude::*;
 
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, DistanceStatistics, ParameterGroup, PartsOfReadings,
+    AbsoluteCase, DistanceStatistics, IdentificationError, ParameterGroup, PartsOfReadings,
     SimulatedReadings,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::correlated::CorrelatedList;
 use crate::numeric::random::{generator, streams};
+use crate::parameter::relative_precision;
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
 use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
 use crate::task::Belief;
@@ -191,7 +192,7 @@ pub struct Selection<'a> {
 impl Selection<'_> {
     /// Of how many unknowns something is known before.
     pub fn known_before(&self) -> usize {
-        let precision = &self.parts.set().prior().precision;
+        let precision = &self.parts.all.set.prior().precision;
         let known = precision.diagonal();
         known.iter().filter(|each| **each > 0.0).count()
     }
@@ -227,21 +228,21 @@ pub fn select<'a>(
     groups: &[ParameterGroup],
     wanted: &SelectionWanted,
     watch: Watch<'_>,
-) -> Result<Selection<'a>, AbsoluteError> {
+) -> Result<Selection<'a>, IdentificationError> {
     let parts =
         (AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths()).in_parts(groups)?;
     let count = parts.together.len();
     if let Some(&size) = wanted.sizes.iter().find(|size| **size as usize >= count) {
         let offered = counted(count as u64, parts.unit());
-        return Err(AbsoluteError::NothingLeft { offered, size });
+        return Err(IdentificationError::NothingLeft { offered, size });
     }
     let campaign = |campaign: u64| {
         let stream = streams::campaign_of_choices(campaign);
         parts.simulated(&mut generator(wanted.seed, stream))
     };
     let campaigns: Result<Vec<_>, _> = (0..u64::from(wanted.campaigns)).map(campaign).collect();
-    let told = CandidateInformation::of_all(parts.set().len(), &parts.told());
-    let mut before = parts.known_before();
+    let told = CandidateInformation::of_all(parts.all.set.len(), &parts.told());
+    let mut before = relative_precision(&parts.all.set);
     if !parts.are_all_judged() {
         // What only readings show that are not judged on may be left open.
         let faint = FAINT * told.mean().diagonal().amax();
@@ -255,7 +256,7 @@ pub fn select<'a>(
             observations: parts.case.observations.clone(),
             expected_m: parts.expected_m.clone(),
         },
-        list: (!parts.functions().is_empty())
+        list: (!parts.known.functions.is_empty())
             .then(|| parts.with_functions())
             .transpose()?,
         campaigns: campaigns.unwrap_or_default(),

@@ -13,11 +13,10 @@ use crate::calibration::{
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{AbsoluteError, JointError, covariance_of};
+use crate::identification::{IdentificationError, JointError};
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
-use crate::quantities::plausible::ANY_VARIANCE;
 use crate::robot::{Load, SerialChain};
 use crate::task::{Belief, Method, Task};
 use crate::testbed::TrueRobots;
@@ -162,13 +161,6 @@ impl CalibratedRobot {
             found_tools[place] = true;
         }
         let stations = identified_stations(path, stored)?;
-        let covariance = covariance_of(&message.covariance, &ANY_VARIANCE)
-            .map_err(|(place, problem)| wrong(format!("covariance{place}"), problem))?;
-        if covariance.nrows() != message.unknowns.len() {
-            let (rows, unknowns) = (covariance.nrows(), message.unknowns.len());
-            let problem = format!("found {rows} rows; there are {unknowns} unknowns");
-            return Err(wrong("covariance".to_owned(), problem));
-        }
         let tools: Vec<Option<usize>> = places.iter().copied().map(Some).collect();
         let kinds = stored.kinds(&reference, &[], &tools);
         let apart = (message.unknowns.iter().zip(&kinds))
@@ -190,13 +182,9 @@ impl CalibratedRobot {
             .filter(|&(joint, _)| nominal.compliance_rad_per_nm[joint] > 0.0 && !is_asked(joint))
             .map(|(_, each)| each.name.clone())
             .collect();
-        let (set, posterior) = known(path, stored, (&reference, belief), &covariance, &kinds)?;
-        let known_places = KnownPlaces::new(
-            (path, stored),
-            (&reference, belief),
-            (&stations, &tools),
-            &covariance,
-        )?;
+        let (set, posterior) = known(path, stored, (&reference, belief), &kinds)?;
+        let known_places =
+            KnownPlaces::new((path, stored), (&reference, belief), (&stations, &tools))?;
         let arm = stored.apply(path, &reference)?;
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
@@ -225,7 +213,7 @@ impl CalibratedRobot {
                     standard_error: each.standard_error,
                 })
                 .collect(),
-            covariance,
+            covariance: stored.covariance.clone(),
             apart,
             taken_as_believed,
             stations,
@@ -268,7 +256,7 @@ impl CalibratedRobot {
         station: Option<usize>,
         commanded_rad: &DVector<f64>,
         load: &Load,
-    ) -> Result<Option<TargetAccuracy>, AbsoluteError> {
+    ) -> Result<Option<TargetAccuracy>, IdentificationError> {
         (self.known_places.as_ref()).map_or(Ok(None), |known| {
             known.accuracy((tool, station), commanded_rad, load)
         })

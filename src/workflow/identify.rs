@@ -10,9 +10,9 @@ use crate::identification::input_errors::{
 };
 use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, Case, Identification, IdentificationError,
-    Inconsistencies, MeasurementResidual, ModelSelection, ParameterGroup, ReadingWeights,
-    RejectedReading, RepeatComponents, Repeats, Robustness, Told, left_out, residuals,
+    AbsoluteCase, AbsoluteFit, Case, Identification, IdentificationError, Inconsistencies,
+    MeasurementResidual, ModelSelection, ParameterGroup, ReadingWeights, RejectedReading,
+    RepeatComponents, Repeats, Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
@@ -203,11 +203,11 @@ pub fn identify_absolute<'a>(
     readings: &[AbsoluteReading],
     groups: &[ParameterGroup],
     (weights, keeps_all): (ReadingWeights, bool),
-) -> Result<IdentifiedRobot<'a>, AbsoluteError> {
-    let mistaken = |source: AbsoluteError| {
+) -> Result<IdentifiedRobot<'a>, IdentificationError> {
+    let mistaken = |source: IdentificationError| {
         let placed = AbsoluteCase::placed(belief, readings).ok();
         match placed.and_then(|placed| placed.likely_input_error()) {
-            Some(likely) => AbsoluteError::Mistaken {
+            Some(likely) => IdentificationError::Mistaken {
                 source: Box::new(source),
                 likely: likely.text,
             },
@@ -283,7 +283,7 @@ pub fn model_selection(
     belief: &Belief,
     readings: &[AbsoluteReading],
     (weights, keeps_all): (ReadingWeights, bool),
-) -> Result<ModelSelection, AbsoluteError> {
+) -> Result<ModelSelection, IdentificationError> {
     let mut case = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
     case.keeps_all |= keeps_all;
     case.model_selection(weights)
@@ -294,14 +294,14 @@ impl<'a> IdentifiedRobot<'a> {
     /// same groups.
     ///
     /// # Errors
-    /// See [`AbsoluteError`]: of the other series.
+    /// See [`IdentificationError`]: of the other series.
     pub fn compare(
         &mut self,
         belief: &'a Belief,
         readings: &[AbsoluteReading],
         (groups, weights): (&[ParameterGroup], ReadingWeights),
         between: [String; 2],
-    ) -> Result<(), AbsoluteError> {
+    ) -> Result<(), IdentificationError> {
         let mut other = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
         other.keeps_all = self.case.keeps_all;
         let fit = other.fit(groups, weights)?;

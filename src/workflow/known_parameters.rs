@@ -46,7 +46,6 @@ pub(super) fn known(
     path: &Path,
     stored: &StoredRobot,
     (arm, belief): (&ElasticArm, &Belief),
-    covariance: &DMatrix<f64>,
     kinds: &[Option<ParameterKind>],
 ) -> Result<(ParameterSet, Posterior), FileError> {
     let unknowns = &stored.message.unknowns;
@@ -62,34 +61,25 @@ pub(super) fn known(
     let all = all.chain(of_task.iter().map(|&(kind, _)| kind));
     let set = ParameterSet::new(arm, all.map(|kind| (kind, None)))
         .map_err(|error| wrong(path, "unknowns".to_owned(), error.to_string()))?;
-    // Of logarithms the file has the quantity itself.
-    let factors: Vec<f64> = (own.iter().zip(set.parameters()))
-        .map(|(&(index, _), parameter)| {
-            let value = unknowns[index].value;
-            if parameter.is_logarithmic {
-                value.recip()
-            } else {
-                1.0
-            }
-        })
-        .collect();
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
         .collect();
-    let mut all = DMatrix::zeros(set.len(), set.len());
-    all.view_mut((0, 0), (own.len(), own.len()))
-        .copy_from(&DMatrix::from_fn(own.len(), own.len(), |row, column| {
-            covariance[(own[row].0, own[column].0)] * factors[row] * factors[column]
-        }));
-    for (place, (_, deviation)) in (own.len()..).zip(&of_task) {
-        all[(place, place)] = deviation.powi(2);
-    }
+    let factor = |&(index, kind): &(usize, ParameterKind)| unknowns[index].parameter(Some(kind)).1;
+    let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
+        match (own.get(row), own.get(column)) {
+            (Some(one), Some(other)) => {
+                stored.covariance[(one.0, other.0)] * factor(one) * factor(other)
+            }
+            _ if row == column => of_task[row - own.len()].1.powi(2),
+            _ => 0.0,
+        }
+    });
     let posterior = Posterior {
         names: (set.parameters().iter())
             .map(|each| each.name.clone())
             .collect(),
         mean: set.prior().mean.as_slice().to_vec(),
-        covariance: all,
+        covariance,
         estimable: Estimable::with_hidden(
             set.scales().as_slice(),
             DMatrix::identity(set.len(), set.len()).select_columns(&hidden),

@@ -18,7 +18,7 @@ use crate::compensation::compensate_arm;
 use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, AbsoluteFit, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, IdentificationError, ParameterGroup, ReadingWeights,
 };
 use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;
@@ -311,7 +311,7 @@ pub fn run_absolute<'a>(
     let unread = |error: &dyn Display| {
         FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
     };
-    let unidentified = |error: AbsoluteError| error.in_file(&scenario.path);
+    let unidentified = |error: IdentificationError| error.in_file(&scenario.path);
 
     // Design.
     let size = Wanted::by(task).size();

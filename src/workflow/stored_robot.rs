@@ -8,11 +8,11 @@ use serde::Deserialize;
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
 use crate::identification::{
-    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, check_unknowns,
-    covariance_of, hold_impossible, nominal_instead, read_identified,
+    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, UnknownMessage,
+    covariance_of, covariance_of_unknowns, hold_impossible, read_identified,
 };
 use crate::measurement::Origin;
-use crate::numeric::markov::{Kernel, MarkovProcess};
+use crate::numeric::markov::MarkovProcess;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ANY_VARIANCE;
 use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
@@ -24,6 +24,8 @@ use crate::text::wording::counted;
 pub struct StoredRobot {
     /// What was fitted.
     pub message: AbsoluteMessage,
+    /// The covariance of the unknowns, in their units.
+    pub covariance: DMatrix<f64>,
     /// What it rests on.
     pub identified_with: Fingerprint,
     /// Under which scenario.
@@ -99,10 +101,12 @@ impl StoredRobot {
         let Some(stored) = read_identified::<RobotFile>(path, true)? else {
             return Ok(None);
         };
-        check_unknowns(path, &stored.message.unknowns, &stored.message.covariance)
+        let message = stored.message;
+        let covariance = covariance_of_unknowns(path, &message.unknowns, &message.covariance)
             .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(Some(Self {
-            message: stored.message,
+            message,
+            covariance,
             identified_with: stored.identified_with,
             frame_shifts: Vec::new(),
             origin: stored.origin.origin(),
@@ -124,12 +128,7 @@ impl StoredRobot {
             let Some(kind) = kind else {
                 return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
             };
-            let is_logarithmic = kind.is_logarithmic(false);
-            let value = if is_logarithmic {
-                (unknown.value / unknown.nominal).ln()
-            } else {
-                unknown.value
-            };
+            let (value, _) = unknown.parameter(Some(kind));
             if !value.is_finite() {
                 return Err(wrong(index, format!("found the value {}", unknown.value)));
             }
@@ -168,31 +167,28 @@ impl StoredRobot {
         let kinds = self.kinds(arm, &[], &[]);
         let unknowns = &self.message.unknowns;
         let mut values: Vec<f64> = unknowns.iter().map(|each| each.value).collect();
-        // What is no covariance is refused where it is read.
-        let covariance = covariance_of(&self.message.covariance, &ANY_VARIANCE);
-        let covariance = covariance.ok().filter(|each| each.nrows() == values.len());
-        let held = covariance.map(|covariance| {
-            let is_compliance =
-                |place: usize| matches!(kinds[place], Some(ParameterKind::JointCompliance { .. }));
-            let nominal = |place: usize| unknowns[place].nominal;
-            hold_impossible(&mut values, &covariance, nominal, is_compliance)
-        });
-        let Some((held, shift)) = held.filter(|(held, _)| !held.is_empty()) else {
-            return (self.clone(), Vec::new());
+        let compliance = |place: usize| {
+            let UnknownMessage {
+                name,
+                unit,
+                nominal,
+                ..
+            } = &unknowns[place];
+            let is_one = matches!(kinds[place], Some(ParameterKind::JointCompliance { .. }));
+            is_one.then_some((*nominal, name.as_str(), unit.as_str()))
         };
-        let done = held.into_iter().map(|(place, value)| {
-            let unknown = &unknowns[place];
-            nominal_instead(&unknown.name, value, &unknown.unit)
-        });
-        let done: Vec<Condition> = done.collect();
+        let (done, shift) = hold_impossible(&mut values, &self.covariance, compliance);
+        if done.is_empty() {
+            return (self.clone(), done);
+        }
         let mut robot = self.moved(shift.as_slice());
+        robot.covariance.ger(1.0, &shift, &shift, 1.0);
         let message = &mut robot.message;
         for (unknown, value) in message.unknowns.iter_mut().zip(values) {
             unknown.value = value;
         }
-        let of_joints = (message.discrepancy_model.iter_mut()).map(|found| &mut found.covariance);
-        for rows in [&mut message.covariance].into_iter().chain(of_joints) {
-            for (row, own) in rows.iter_mut().zip(&shift) {
+        if let Some(model) = &mut message.discrepancy_model {
+            for (row, own) in model.covariance.iter_mut().zip(&shift) {
                 for (entry, other) in row.iter_mut().zip(&shift) {
                     *entry += own * other;
                 }
@@ -271,34 +267,21 @@ impl StoredRobot {
         let unknowns = message.unknowns.len();
         let wrong = |key, problem| wrong(path, key, problem);
         let kinds = self.kinds(arm, &[], &[]);
-        let divisors: Vec<f64> = (message.unknowns.iter().zip(kinds))
-            .map(|(unknown, kind)| match kind {
-                Some(kind) if kind.is_logarithmic(false) => unknown.value,
-                _ => 1.0,
-            })
+        let factors: Vec<f64> = (message.unknowns.iter().zip(kinds))
+            .map(|(unknown, kind)| unknown.parameter(kind).1)
             .collect();
-        let divisor = |index: usize| divisors.get(index).copied().unwrap_or(1.0);
-        let relative = |key: &str, rows: &[Vec<f64>]| {
-            let found = covariance_of(rows, &ANY_VARIANCE)
-                .map_err(|(place, problem)| wrong(format!("{key}{place}"), problem))?;
-            let size = found.nrows();
-            Ok(DMatrix::from_fn(size, size, |row, column| {
-                found[(row, column)] / (divisor(row) * divisor(column))
-            }))
+        let factor = |index: usize| factors.get(index).copied().unwrap_or(1.0);
+        let relative = |found: &DMatrix<f64>| {
+            found.map_with_location(|row, column, entry| entry * factor(row) * factor(column))
         };
         let Some(found) = &message.discrepancy_model else {
-            let (key, rows) = ("covariance", &message.covariance);
-            if rows.len() != unknowns {
-                let problem = format!("found {} rows; there are {unknowns} unknowns", rows.len());
-                return Err(wrong(key.to_owned(), problem));
-            }
             let sizes = [
                 ("discrepancy_mm", message.discrepancy_mm),
                 ("discrepancy_mrad", message.discrepancy_mrad),
             ];
             let rest = rest(sizes.map(|(key, size)| (key, size.unwrap_or(0.0))))
                 .map_err(|(key, problem)| wrong(key, problem))?;
-            let plain = DiscrepancyModel::plain(relative(key, rows)?, rest);
+            let plain = DiscrepancyModel::plain(relative(&self.covariance), rest);
             return Ok(match message.discrepancy_degrees {
                 Some(degrees) if degrees > 0.0 => plain.estimated(degrees),
                 Some(degrees) => {
@@ -321,15 +304,19 @@ impl StoredRobot {
             let problem = format!("found {}; a positive number is needed", found.scale[place]);
             return Err(discrepancy_model((format!("scale[{place}]"), problem)));
         }
-        let shift = DVector::from_column_slice(&found.shift);
+        let shift = found.shift.iter().zip(&factors);
+        let shift = shift.map(|(shift, factor)| shift * factor);
+        let covariance = covariance_of(&rows, &ANY_VARIANCE).map_err(|(place, problem)| {
+            discrepancy_model((format!("covariance{place}"), problem))
+        })?;
         let sizes = [
             ("remainder_mm", found.remainder_mm),
             ("remainder_mrad", found.remainder_mrad),
         ];
         Ok(DiscrepancyModel {
             joints,
-            shift: shift.component_div(&DVector::from_column_slice(&divisors)),
-            covariance: relative("discrepancy_model.covariance", &rows)?,
+            shift: DVector::from_iterator(unknowns, shift),
+            covariance: relative(&covariance),
             rest: rest(sizes).map_err(discrepancy_model)?,
             scale: found.scale,
         })
@@ -350,64 +337,58 @@ fn joint_errors(
     arm: &ElasticArm,
 ) -> Result<Vec<JointError>, KeyProblem> {
     let mut joints: Vec<JointError> = Vec::new();
-    for (index, each) in messages.iter().enumerate() {
-        let wrong = |key: &str, problem: String| Err((format!("joints[{index}].{key}"), problem));
-        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == each.joint);
-        let Some(joint) = joint else {
-            return wrong("joint", format!("the robot has no joint {:?}", each.joint));
-        };
-        if joints.iter().any(|known| known.joint == joint) {
-            return wrong("joint", format!("found {:?} twice", each.joint));
-        }
-        let [knots, values] = [each.knots.len(), each.values.len()];
-        if knots == 0 || !each.knots.windows(2).all(|pair| pair[0] < pair[1]) {
-            let problem = "wants finite numbers in ascending order";
-            return wrong("knots", problem.to_owned());
-        }
-        let kernel = Kernel {
-            correlation: each.correlation,
-            length: each.length,
-        };
-        if values != knots * kernel.order() {
-            return wrong("values", format!("found {values}; there are {knots} knots"));
-        }
-        if each.length <= 0.0 {
-            return wrong("length", format!("found {}; a size is needed", each.length));
-        }
-        for (key, size) in [
-            ("deviation", each.deviation),
-            ("repeatability", each.repeatability),
-        ] {
-            if size < 0.0 {
-                return wrong(key, format!("found {size}; a size is needed"));
-            }
-        }
-        let [positions, rotations] = [&each.spread_of_positions, &each.spread_of_rotations];
+    for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
+        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
+        let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
+        let MarkovProcess { knots, kernel } = &error.process;
+        let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
+        let (count, values) = (knots.len(), error.values.len());
+        let size = |found: f64| format!("found {found}; a size is needed");
+        let mut checks = vec![
+            (
+                "joint",
+                joint.is_some(),
+                format!("the robot has no joint {name:?}"),
+            ),
+            ("joint", !is_twice, format!("found {name:?} twice")),
+            (
+                "knots",
+                is_ascending,
+                "wants finite numbers in ascending order".to_owned(),
+            ),
+            (
+                "values",
+                values == count * kernel.order(),
+                format!("found {values}; there are {count} knots"),
+            ),
+            ("length", kernel.length > 0.0, size(kernel.length)),
+            ("deviation", error.deviation >= 0.0, size(error.deviation)),
+            (
+                "repeatability",
+                error.repeatability >= 0.0,
+                size(error.repeatability),
+            ),
+        ];
         for (key, spread) in [
-            ("spread_of_positions", positions),
-            ("spread_of_rotations", rotations),
+            ("spread_of_positions", &error.spread_of_positions),
+            ("spread_of_rotations", &error.spread_of_rotations),
         ] {
-            if let Some(most) = spread.iter().find(|value| value.abs() > MOST_SPREAD) {
-                let allowed = format!("numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
-                return wrong(key, format!("found {most}; {allowed}"));
-            }
-            if spread.len() > SPREAD_ORDERS {
-                let count = spread.len();
-                let problem = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
-                return wrong(key, problem);
-            }
+            let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
+            let found = far.copied().unwrap_or_default();
+            let allowed =
+                format!("found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
+            checks.push((key, far.is_none(), allowed));
+            let count = spread.len();
+            let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+            checks.push((key, count <= SPREAD_ORDERS, allowed));
         }
-        joints.push(JointError {
+        if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
+            return Err((format!("joints[{index}].{key}"), problem));
+        }
+        joints.extend(joint.map(|joint| JointError {
             joint,
-            process: MarkovProcess {
-                knots: each.knots.clone(),
-                kernel,
-            },
-            deviation: each.deviation,
-            repeatability: each.repeatability,
-            values: each.values.clone(),
-            spread: [positions.clone(), rotations.clone()],
-        });
+            ..error.clone()
+        }));
     }
     Ok(joints)
 }

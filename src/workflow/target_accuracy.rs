@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX};
+use nalgebra::{DVector, Isometry3, Matrix3xX};
 
 use super::known_parameters::{IdentifiedStation, known};
 use super::stored_robot::StoredRobot;
 use crate::files::FileError;
-use crate::identification::{AbsoluteError, DiscrepancyModel};
+use crate::identification::{DiscrepancyModel, IdentificationError};
 use crate::numeric::posterior::Posterior;
 use crate::observation::{BareArm, PlannedReadings, ReadingErrors, Setup};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
@@ -42,12 +42,11 @@ pub struct TargetAccuracy {
 }
 
 impl KnownPlaces {
-    /// From a file of absolute readings, with the covariance of its unknowns.
+    /// From a file of absolute readings.
     pub fn new(
         (path, stored): (&Path, &StoredRobot),
         (reference, belief): (&ElasticArm, &Belief),
         (stations, tools): (&[IdentifiedStation], &[Option<usize>]),
-        covariance: &DMatrix<f64>,
     ) -> Result<Self, FileError> {
         let frames = stations.iter().map(|each| each.instrument_from_base);
         let mut reference = reference.clone();
@@ -55,7 +54,7 @@ impl KnownPlaces {
         let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
         let kinds = stored.kinds(&reference, &of_stations, tools);
         let arm = stored.apply(path, &reference)?;
-        let (set, posterior) = known(path, stored, (&arm, belief), covariance, &kinds)?;
+        let (set, posterior) = known(path, stored, (&arm, belief), &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
         let places: Vec<usize> = (0..kinds.len()).filter(is_own).collect();
         let sources = belief.uncertain.sources().map(|(_, source)| source);
@@ -85,7 +84,7 @@ impl KnownPlaces {
         (tool, station): (usize, Option<usize>),
         commanded_rad: &DVector<f64>,
         load: &Load,
-    ) -> Result<Option<TargetAccuracy>, AbsoluteError> {
+    ) -> Result<Option<TargetAccuracy>, IdentificationError> {
         let setup = Setup {
             commanded_rad: commanded_rad.clone(),
             load: *load,

@@ -8,7 +8,7 @@ use super::stored_robot::StoredRobot;
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteError, DistanceStatistics, MovedStation, ReadingPrognosis,
+    AbsoluteCase, DistanceStatistics, IdentificationError, MovedStation, ReadingPrognosis,
     ReadingResidual, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
@@ -175,7 +175,7 @@ fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bo
 }
 
 /// What is wrong with the readings of a file.
-fn in_file<E: Into<AbsoluteError>>(file: &Path) -> impl Fn(E) -> FileError {
+fn in_file<E: Into<IdentificationError>>(file: &Path) -> impl Fn(E) -> FileError {
     move |error| error.into().in_file(file)
 }
 
@@ -222,7 +222,7 @@ pub fn validate_absolute(
                 .map(|each| each.sentence)
                 .collect();
             let what = known.names.join(", ");
-            return Err(AbsoluteError::Frames { what, sentences }.in_file(file));
+            return Err(IdentificationError::Frames { what, sentences }.in_file(file));
         }
         case.arm = fit.belief;
     }

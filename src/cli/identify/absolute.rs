@@ -1,7 +1,9 @@
 //! `identify` on absolute readings.
 
 use crate::files::output::write_whole;
-use crate::identification::{AbsoluteError, Inconsistencies, ModelSelection, ReadingWeights};
+use crate::identification::{
+    IdentificationError, Inconsistencies, JointError, ModelSelection, ReadingWeights,
+};
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
 use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
@@ -35,7 +37,7 @@ impl Identify {
             (false, false) => ReadingWeights::AsNeeded,
         };
         let (belief, file) = (&scenario.task.belief, &self.measurements);
-        let (how, wrong) = ((weights, self.keep_all), |error: AbsoluteError| {
+        let (how, wrong) = ((weights, self.keep_all), |error: IdentificationError| {
             error.in_file(file)
         });
         let model_selection = (self.model_selection)
@@ -194,14 +196,17 @@ fn discrepancy_model(found: &UnexplainedMessage, chain: &SerialChain) -> String 
         let mut joints = chain.joints.iter();
         let joint = joints.find(|joint| joint.name == each.joint);
         let drive = joint.map_or_else(Drive::default, |joint| joint.drive);
-        let largest = each
-            .values
-            .iter()
-            .fold(0.0, |most: f64, value| most.max(value.abs()));
+        let JointError {
+            process,
+            deviation,
+            values,
+            ..
+        } = &each.error;
+        let largest = (values.iter()).fold(0.0, |most: f64, value| most.max(value.abs()));
         let (factor, unit) = shown_unit(drive.unit());
         let [deviation, largest] =
-            [each.deviation, largest].map(|value| format!("{:.4} {unit}", value * factor));
-        let (alike, unit) = drive.shown(each.length);
+            [*deviation, largest].map(|value| format!("{:.4} {unit}", value * factor));
+        let (alike, unit) = drive.shown(process.kernel.length);
         let alike = format!("{alike:.1} {unit}");
         vec![each.joint.clone(), deviation, alike, largest]
     });

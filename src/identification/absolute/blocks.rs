@@ -3,10 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::error::FitResult;
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
 use super::{
-    AbsoluteCase, AbsoluteFit, CopiedReadings, ReadingResidual, RejectedReading, joint_space_blocks,
+    AbsoluteCase, AbsoluteFit, CopiedReadings, FitResult, ReadingResidual, RejectedReading,
+    joint_space_blocks,
 };
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;

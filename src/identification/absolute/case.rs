@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix6, Matrix6xX, Rotation3, Vector3, Vecto
 use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, evenly, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
-use super::AbsoluteError;
+use super::IdentificationError;
 use super::visits::{loads_of_visits, visit_classes, visits};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
@@ -68,7 +68,10 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// A target does not exist, or cannot be where the load is; nothing says how precise orientations are, or where a station is
     /// that lengths are read from; the units cannot be right.
-    pub fn new(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+    pub fn new(
+        belief: &'a Belief,
+        readings: &[AbsoluteReading],
+    ) -> Result<Self, IdentificationError> {
         let mut case = Self::placed(belief, readings)?;
         let positions = case.positions();
         if positions.is_empty() {
@@ -99,7 +102,10 @@ impl<'a> AbsoluteCase<'a> {
     ///
     /// # Errors
     /// As [`new`](Self::new), but for units.
-    pub fn placed(belief: &'a Belief, readings: &[AbsoluteReading]) -> Result<Self, AbsoluteError> {
+    pub fn placed(
+        belief: &'a Belief,
+        readings: &[AbsoluteReading],
+    ) -> Result<Self, IdentificationError> {
         let classes = visit_classes(readings, belief);
         let mut case = Self {
             belief,
@@ -128,7 +134,7 @@ impl<'a> AbsoluteCase<'a> {
             let carried = belief.calibration_tool.joints;
             if reading.load != Load::NONE && tool.joints > carried {
                 let target = tool.name.clone();
-                return Err(AbsoluteError::BeyondLoad {
+                return Err(IdentificationError::BeyondLoad {
                     reading: index + 1,
                     target,
                 });
@@ -216,7 +222,7 @@ impl<'a> AbsoluteCase<'a> {
         })
     }
 
-    fn target(&mut self, index: usize, name: Option<&str>) -> Result<usize, AbsoluteError> {
+    fn target(&mut self, index: usize, name: Option<&str>) -> Result<usize, IdentificationError> {
         let calibration = &self.belief.calibration_tool;
         let name = name.unwrap_or(&calibration.name);
         if let Some(place) = self.targets.iter().position(|each| each == name) {
@@ -226,9 +232,9 @@ impl<'a> AbsoluteCase<'a> {
             calibration.clone()
         } else {
             SerialChain::tool(&self.belief.nominal.model, name).map_err(|source| {
-                AbsoluteError::Target {
+                IdentificationError::Target {
                     reading: index + 1,
-                    source,
+                    source: Box::new(source),
                 }
             })?
         };
@@ -238,7 +244,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// A reading's own covariance, or that of one of the two readings that make the scenario's deflections.
-    fn covariance(&self, reading: &AbsoluteReading) -> Result<Matrix6<f64>, AbsoluteError> {
+    fn covariance(&self, reading: &AbsoluteReading) -> Result<Matrix6<f64>, IdentificationError> {
         if let Some(covariance) = reading.covariance {
             return Ok(covariance);
         }
@@ -247,13 +253,13 @@ impl<'a> AbsoluteCase<'a> {
         let shows = kind.and_then(|kind| instrument.shows_length(kind));
         if kind.map_or(!instrument.reads_positions(), |_| shows.is_none()) {
             let name = kind.map_or("position", LengthKind::name);
-            return Err(AbsoluteError::NoSigma(name));
+            return Err(IdentificationError::NoSigma(name));
         }
         let sigma_m = instrument.sigma_by_m(shows);
         let rotation_rad = match (reading.rotation, instrument.rotation_sigma_rad) {
             (None, _) => 1.0,
             (Some(_), Some(sigma)) => sigma,
-            (Some(_), None) => return Err(AbsoluteError::NoRotationSigma),
+            (Some(_), None) => return Err(IdentificationError::NoRotationSigma),
         };
         let variances = [sigma_m, rotation_rad].map(|sigma| sigma * sigma / 2.0);
         Ok(Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
@@ -380,7 +386,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// Whether the frames explain the readings at all.
-    fn check_likeness(&self, sights: &[Sight]) -> Result<(), AbsoluteError> {
+    fn check_likeness(&self, sights: &[Sight]) -> Result<(), IdentificationError> {
         let left = sights.iter().map(|sight| {
             let tool = self.arm.tools[sight.target].link_from_tool;
             let base = self.arm.instrument_from_base[sight.station];
@@ -391,7 +397,7 @@ impl<'a> AbsoluteCase<'a> {
         let spread_m = spread(sights);
         if left_m > UNLIKE * spread_m && left_m > LITTLE_M {
             let [left, spread] = [left_m, spread_m].map(|value| format!("{:.1}", value * 1e3));
-            return Err(AbsoluteError::Unlike { left, spread });
+            return Err(IdentificationError::Unlike { left, spread });
         }
         Ok(())
     }
@@ -436,7 +442,7 @@ fn apart(sights: &[Sight]) -> f64 {
 }
 
 /// Distances between positions tell another unit.
-fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> {
+fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), IdentificationError> {
     let found = apart(sights);
     let believed: Vec<Sight> = (sights.iter())
         .map(|sight| {
@@ -454,7 +460,7 @@ fn check_units(sights: &[Sight], arm: &ElasticArm) -> Result<(), AbsoluteError> 
         found > OTHER_UNIT * expected.max(1e-2) || expected > OTHER_UNIT * found.max(1e-2);
     if is_other && sights.len() > 1 {
         let [found, expected] = [found, expected].map(|value| format!("{:.3}", value * 1e3));
-        return Err(AbsoluteError::Units { found, expected });
+        return Err(IdentificationError::Units { found, expected });
     }
     Ok(())
 }

@@ -4,11 +4,10 @@
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::{WEIGHINGS, discrepancy_of};
-use super::super::error::FitResult;
 use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
-use super::{AbsoluteCase, AbsoluteResult, ReadingResidual};
+use super::{AbsoluteCase, FitResult, ReadingResidual};
 use crate::experiment::together;
 use crate::observation::{SharedErrors, SharingReadings};
 use crate::parameter::{ElasticArm, ParameterSet};
@@ -92,7 +91,7 @@ impl AbsoluteCase<'_> {
         &mut self,
         set: &ParameterSet,
         other: Option<ParameterFit>,
-    ) -> AbsoluteResult<(ParameterFit, Option<[f64; 2]>)> {
+    ) -> FitResult<(ParameterFit, Option<[f64; 2]>)> {
         let (mut found, mut values) = if let Some(fit) = other {
             (self.estimated_discrepancy(&fit)?, self.rebased(&fit))
         } else {
@@ -112,19 +111,15 @@ impl AbsoluteCase<'_> {
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.
-    fn fit_of_frames(&self) -> AbsoluteResult<ParameterFit> {
-        Ok(fit_parameters(
-            &self.arm,
-            &self.frames()?,
-            &self.observations,
-        )?)
+    fn fit_of_frames(&self) -> FitResult<ParameterFit> {
+        fit_parameters(&self.arm, &self.frames()?, &self.observations)
     }
 
     /// The robot as it is in the frames that suit the readings best.
     ///
     /// # Errors
     /// The readings do not determine frames.
-    pub fn in_best_frames(&self) -> AbsoluteResult<ElasticArm> {
+    pub fn in_best_frames(&self) -> FitResult<ElasticArm> {
         self.check_frames()?;
         Ok(self.fit_of_frames()?.belief)
     }

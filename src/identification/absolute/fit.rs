@@ -4,15 +4,14 @@ use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, inconsistent, left_out};
-use super::super::error::IdentificationError;
 use super::super::estimate::{told_degrees, two_sided_student};
 use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::{
-    AbsoluteCase, AbsoluteResult, CopiedReadings, JointError, LeftOut, ParameterGroup,
-    ReadingResidual, RejectedReading, Unexplained,
+    AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
+    ParameterGroup, ReadingResidual, RejectedReading, Unexplained,
 };
 use crate::codes::{Condition, ConditionCode};
 use crate::numeric::posterior::Posterior;
@@ -111,7 +110,7 @@ impl<'a> AbsoluteCase<'a> {
         &mut self,
         groups: &[ParameterGroup],
         weights: ReadingWeights,
-    ) -> AbsoluteResult<AbsoluteFit> {
+    ) -> FitResult<AbsoluteFit> {
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
@@ -134,7 +133,7 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
-    ) -> AbsoluteResult<KeptFit<'a>> {
+    ) -> FitResult<KeptFit<'a>> {
         let (mut set, mut near) = (free.clone(), None);
         loop {
             let mut found = self.fit_without(start, &set, weights, near.as_ref())?;
@@ -183,7 +182,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// All that is told of a fit to those readings that were kept.
-    fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> AbsoluteResult<AbsoluteFit> {
+    fn told(&mut self, found: KeptFit<'a>, left_out: Vec<LeftOut>) -> FitResult<AbsoluteFit> {
         let (case, mut fit, discrepancy) = (found.case, found.fit, found.discrepancy);
         let stays_nominal = case.stays_nominal(&fit)?;
         if let Some(model) = &found.discrepancy_model {
@@ -219,7 +218,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// The compliances that stay nominal in a fit, with what would be found besides if they were others.
-    fn stays_nominal(&self, fit: &ParameterFit) -> AbsoluteResult<Vec<LeftOut>> {
+    fn stays_nominal(&self, fit: &ParameterFit) -> FitResult<Vec<LeftOut>> {
         let nominal = fit.freedoms.named.iter().filter(|each| each.stays_nominal);
         let nominal: Vec<_> = nominal.collect();
         if nominal.is_empty() {
@@ -247,7 +246,7 @@ impl<'a> AbsoluteCase<'a> {
         set: &ParameterSet,
         weights: ReadingWeights,
         near: Option<&ParameterFit>,
-    ) -> AbsoluteResult<KeptFit<'a>> {
+    ) -> FitResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
         let start = near.map(|fit| case.rebased(fit));
         let readings = case.fitted_readings(set);
@@ -263,7 +262,7 @@ impl<'a> AbsoluteCase<'a> {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,
-                    Err(error) => return Err(error.into()),
+                    Err(error) => return Err(error),
                 }
             }
         };

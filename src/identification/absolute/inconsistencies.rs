@@ -22,7 +22,7 @@ use super::super::fit::ParameterFit;
 use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, known_alone};
 use super::unknowns::is_geometry;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteFit, AbsoluteResult, joint_space_blocks};
+use super::{AbsoluteCase, AbsoluteFit, FitResult, IdentificationError, joint_space_blocks};
 use crate::codes::{Condition, ConditionCode};
 use crate::parameter::{ElasticArm, ParameterKind};
 use crate::quantities::units::shown_unit;
@@ -111,11 +111,11 @@ impl AbsoluteCase<'_> {
         fit: &AbsoluteFit,
         other: &mut Self,
         other_fit: &AbsoluteFit,
-    ) -> AbsoluteResult<Inconsistencies> {
+    ) -> FitResult<Inconsistencies> {
         let different = self.different().min(other.different());
         let needed = 2 * FEWEST_BLOCKS;
         if different < needed {
-            return Err(AbsoluteError::TooFewConfigurations { different, needed });
+            return Err(IdentificationError::TooFewConfigurations { different, needed });
         }
         let count = BLOCKS.min(different / 2);
         let both = [self.configurations(), other.configurations()].concat();
@@ -151,11 +151,7 @@ impl AbsoluteCase<'_> {
         Some((halves, found))
     }
 
-    fn by_blocks(
-        &self,
-        of_all: &AbsoluteFit,
-        blocks: &Blocks<'_>,
-    ) -> AbsoluteResult<SeriesEstimates> {
+    fn by_blocks(&self, of_all: &AbsoluteFit, blocks: &Blocks<'_>) -> FitResult<SeriesEstimates> {
         let fit = self.fit_near(&of_all.set, &of_all.posterior.mean)?;
         let without = blocks.without(&fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {

@@ -12,13 +12,14 @@
 //! intervals from independent errors too small.
 
 use nalgebra::{DMatrix, DVector, Matrix6, Matrix6xX};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use statrs::distribution::FisherSnedecor;
 
-use super::super::FitResult;
 use super::super::discrepancy::six_rows;
 use super::super::spread::logarithm;
-use super::ReadingResidual;
 use super::residuals::{LinearReading, with_joints};
+use super::{FitResult, ReadingResidual};
 use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
@@ -32,22 +33,30 @@ pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
 const APART: f64 = 0.5;
 const MOST_BEYOND: u32 = 24;
 
-/// What one joint is off by.
-#[derive(Debug, Clone, PartialEq)]
+/// What one joint is off by, as a function of its own angle (rad; m where it slides).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct JointError {
-    /// The joint.
+    /// The joint; records have its name.
+    #[serde(skip)]
     pub joint: usize,
     /// How its error wanders over its angle.
+    #[serde(flatten)]
     pub process: MarkovProcess,
     /// Its standard deviation (rad; m where it slides).
     pub deviation: f64,
     /// How well it returns: the standard deviation of what is new at each visit (rad; m).
+    #[serde(default)]
     pub repeatability: f64,
-    /// Its states at the knots: values, by which the joint stands further than commanded, and where it is smooth slopes by its length.
+    /// By how much further than commanded the joint stands at the knots (rad; m); of a smooth error at each knot that, and its slope times
+    /// the length.
     pub values: Vec<f64>,
-    /// How much larger or smaller all errors of positions and of rotations are at its angles: coefficients of Legendre polynomials
-    /// P_k / k from the first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
-    pub spread: [Vec<f64>; 2],
+    /// How much larger or smaller all errors of positions are at its angles: coefficients of Legendre polynomials P_k / k from the
+    /// first order, from the first knot to the last, whose sum is the logarithm of a factor of their squares.
+    #[serde(default)]
+    pub spread_of_positions: Vec<f64>,
+    /// The same of rotations.
+    #[serde(default)]
+    pub spread_of_rotations: Vec<f64>,
 }
 
 impl JointError {
@@ -277,7 +286,8 @@ impl DiscrepancyModel {
     pub(super) fn relative_at(&self, part: usize, angles: impl Iterator<Item = f64>) -> f64 {
         let joints = self.joints.iter().zip(angles);
         let each = |(joint, angle): (&JointError, f64)| {
-            logarithm(&joint.spread[part], angle, joint.process.range())
+            let spread = [&joint.spread_of_positions, &joint.spread_of_rotations][part];
+            logarithm(spread, angle, joint.process.range())
         };
         joints.map(each).sum::<f64>().exp()
     }
@@ -388,7 +398,8 @@ mod tests {
                     deviation,
                     repeatability: 0.0,
                     values,
-                    spread: [Vec::new(), Vec::new()],
+                    spread_of_positions: Vec::new(),
+                    spread_of_rotations: Vec::new(),
                 }],
                 ..DiscrepancyModel::plain(DMatrix::from_diagonal(&all), [0.0; 2])
             };

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, Isometry3, Translation3, Vector3};
 
 use super::super::frames::MountedFrames;
-use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
+use super::{AbsoluteCase, FitResult, IdentificationError};
 use crate::experiment::numbered;
 use crate::measurement::AbsoluteReading;
 use crate::numeric::quantisation::shared_by_repeats;
@@ -75,16 +75,16 @@ impl AbsoluteCase<'_> {
     }
 
     /// Whether a reading is of the kind that the scenario has its station for.
-    pub(super) fn check_kind(&self, index: usize, reading: &AbsoluteReading) -> AbsoluteResult<()> {
+    pub(super) fn check_kind(&self, index: usize, reading: &AbsoluteReading) -> FitResult<()> {
         let name = reading.station.as_deref();
         let kind = reading.length.map(|read| read.kind);
         match (station_named(&self.belief.stations, name), kind) {
             (None, Some(kind)) => {
                 let named = |name: &str| format!("station {name:?}");
                 let from = name.map_or_else(|| "no station".to_owned(), named);
-                Err(AbsoluteError::NoPlace(kind.name(), from))
+                Err(IdentificationError::NoPlace(kind.name(), from))
             }
-            (Some(station), _) if station.reads != kind => Err(AbsoluteError::OtherKind {
+            (Some(station), _) if station.reads != kind => Err(IdentificationError::OtherKind {
                 reading: index + 1,
                 is: kind.map_or("position", LengthKind::name),
                 station: station.name.clone(),

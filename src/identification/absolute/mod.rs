@@ -8,7 +8,6 @@
 mod blocks;
 mod case;
 mod discrepancy;
-mod error;
 mod fit;
 mod inconsistencies;
 mod joint_errors;
@@ -28,9 +27,9 @@ mod visits;
 
 use super::copies::CopiedReadings;
 use super::discrepancy::{ReadingResidual, joint_space_blocks};
+use super::error::{FitResult, IdentificationError};
 use super::outliers::RejectedReading;
 pub use case::AbsoluteCase;
-pub use error::{AbsoluteError, AbsoluteResult};
 pub use fit::{AbsoluteFit, ReadingWeights};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency};
 pub use joint_errors::{DiscrepancyModel, JointError, ReadingPrognosis, SQUARE_95, Unexplained};

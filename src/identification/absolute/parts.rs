@@ -5,11 +5,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::discrepancy::{discrepancy_covariance, three_rows};
-use super::super::{FitResult, IdentificationError};
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
 use super::{
-    AbsoluteCase, AbsoluteFit, AbsoluteResult, DiscrepancyModel, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, DiscrepancyModel, FitResult, IdentificationError, ParameterGroup,
+    ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
 use crate::numeric::markov::{ProcessPoint, SampledFunction};
@@ -17,7 +17,7 @@ use crate::observation::{
     Observation, ObservationModel, ReadLength, Reading, SharingReadings,
     planned_information_of_groups, planned_positions,
 };
-use crate::parameter::{JointFunction, ParameterSet, relative_precision};
+use crate::parameter::{ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
@@ -34,7 +34,8 @@ pub struct PartsOfReadings<'a> {
     pub expected_m: Vec<Vector3<f64>>,
     /// Which readings belong to a part together, by their places: those of one visit, and those that share errors besides.
     pub together: Vec<SharingReadings>,
-    known: VarianceComponents,
+    /// What is new at each visit, and the joint error functions that are part of every fit.
+    pub known: VarianceComponents,
 }
 
 /// Readings of a robot that is as the planner's model says.
@@ -70,7 +71,7 @@ impl<'a> AbsoluteCase<'a> {
     ///
     /// # Errors
     /// As [`fit`](Self::fit).
-    pub fn in_parts(mut self, groups: &[ParameterGroup]) -> AbsoluteResult<PartsOfReadings<'a>> {
+    pub fn in_parts(mut self, groups: &[ParameterGroup]) -> FitResult<PartsOfReadings<'a>> {
         self.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
@@ -106,16 +107,6 @@ impl<'a> AbsoluteCase<'a> {
 }
 
 impl PartsOfReadings<'_> {
-    /// What is fitted.
-    pub const fn set(&self) -> &ParameterSet {
-        &self.all.set
-    }
-
-    /// The joint error functions that are part of every fit.
-    pub fn functions(&self) -> &[JointFunction] {
-        &self.known.functions
-    }
-
     /// What is new at each position besides its reading's own error: the standard deviation of each coordinate (m); none where nothing is.
     pub fn discrepancy_m(&self) -> Option<f64> {
         let [position_m, _] = self.known.rest;
@@ -156,20 +147,15 @@ impl PartsOfReadings<'_> {
     /// What readings together determine of the unknowns (p x p, in typical sizes), with the robot nominal, and frames where all readings
     /// say.
     pub fn told(&self) -> Vec<DMatrix<f64>> {
-        let (set, arm) = (self.set(), &self.case.arm);
+        let (set, arm) = (&self.all.set, &self.case.arm);
         let planned = self.case.planned();
         planned_information_of_groups(set, arm, &set.prior().mean, &planned, &self.together)
-    }
-
-    /// What is known before (p x p, in typical sizes).
-    pub fn known_before(&self) -> DMatrix<f64> {
-        relative_precision(self.set())
     }
 
     /// C^T (p x 3 n): how the positions, or the lengths, of the n readings that are judged on follow the unknowns (in typical sizes),
     /// times the root of 1/n, so that `rho_0`^2 is the mean square distance over them.
     pub fn positions(&self) -> DMatrix<f64> {
-        let set = self.set();
+        let set = &self.all.set;
         let read =
             (self.case.observations.iter().enumerate()).filter(|(place, _)| self.is_judged(*place));
         let read = read.map(|(_, each)| (&each.setup, each.reading.kind()));
@@ -184,13 +170,13 @@ impl PartsOfReadings<'_> {
     /// # Errors
     /// The robot has no equilibrium there, or the numbers have no factorisation.
     pub fn with_functions(&self) -> FitResult<CorrelatedList> {
-        let (set, joints) = (self.set(), self.known.joints());
+        let (set, joints) = (&self.all.set, self.known.joints());
         let mean = &set.prior().mean;
         let rows = (self.case).rows_at(&self.case.arm, set, mean.as_slice(), &joints)?;
         let size = set.len();
         let told: DMatrix<f64> = self.told().iter().sum();
         let mean = told / self.together.len().max(1) as f64;
-        let before = self.known_before() + (mean + DMatrix::identity(size, size)) * FAINT;
+        let before = relative_precision(set) + (mean + DMatrix::identity(size, size)) * FAINT;
         let factor = Cholesky::new(before).ok_or(IdentificationError::NothingObserved)?;
         let sizes = DMatrix::from_diagonal(&set.scales());
         let deviations = self.known.functions.iter().map(|each| each.deviation_rad);
@@ -274,7 +260,7 @@ impl PartsOfReadings<'_> {
         for (to, &index) in part.observations.iter_mut().zip(chosen) {
             to.clone_from(&observations[index]);
         }
-        let (arm, set) = (&self.case.arm, self.set());
+        let (arm, set) = (&self.case.arm, &self.all.set);
         let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {

@@ -3,10 +3,9 @@
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::discrepancy_covariance;
-use super::super::error::IdentificationError;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
-use super::{AbsoluteCase, AbsoluteFit, AbsoluteResult};
+use super::{AbsoluteCase, AbsoluteFit, FitResult, IdentificationError};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Observation, ObservationModel, Reading, ReadingKind};
 use crate::parameter::ParameterKind;
@@ -22,7 +21,7 @@ impl AbsoluteCase<'_> {
         &self,
         fit: &AbsoluteFit,
         readings: &[AbsoluteReading],
-    ) -> AbsoluteResult<LookedAt> {
+    ) -> FitResult<LookedAt> {
         let joints = self.arm.chain.len();
         let kinds = (0..joints).flat_map(|joint| {
             let zero = ParameterKind::JointZero { joint };

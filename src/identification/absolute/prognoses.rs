@@ -3,11 +3,10 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::FitResult;
 use super::super::discrepancy::three_rows;
 use super::joint_errors::LocalRows;
 use super::residuals::LinearReading;
-use super::{AbsoluteCase, DiscrepancyModel, ReadingPrognosis};
+use super::{AbsoluteCase, DiscrepancyModel, FitResult, ReadingPrognosis};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.

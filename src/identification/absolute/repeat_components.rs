@@ -125,10 +125,14 @@ impl AbsoluteCase<'_> {
         if poses.is_empty() {
             return None;
         }
-        let (classes, variances) = components(&contrasts, joints.len(), within > 0)?;
-        let (_, information) = improved(&contrasts, &classes, within > 0, &variances)?;
+        let all = AllContrasts {
+            contrasts,
+            is_reading_estimated: within > 0,
+        };
+        let (classes, variances) = all.components(joints.len())?;
+        let (_, information) = all.improved(&classes, &variances)?;
         let errors = Cholesky::new(information)?.inverse();
-        let alone = degrees_alone(&contrasts, &classes);
+        let alone = all.degrees_alone(&classes);
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
             let slides = joints.iter().filter(|&&joint| chain[joint].drive.slides);
@@ -178,7 +182,7 @@ impl AbsoluteCase<'_> {
         }
         let rows = fit.kept();
         let pose = |(reading, place): (usize, usize)| {
-            let moved = contrasts[place].joints.rows(0, 3);
+            let moved = all.contrasts[place].joints.rows(0, 3);
             let mut covariance = DMatrix::zeros(3, 3);
             for (class, own) in classes.iter().enumerate() {
                 for &joint in own {
@@ -254,143 +258,144 @@ fn about_mean(
     (mean, of)
 }
 
-/// Which joints have a variance in common; that of the readings, then those of these classes.
-fn components(
-    contrasts: &[Contrasts],
-    joints: usize,
+/// All contrasts, and whether some within visits tell the variance of readings: else it is as stated.
+struct AllContrasts {
+    contrasts: Vec<Contrasts>,
     is_reading_estimated: bool,
-) -> Option<(Vec<Vec<usize>>, Vec<f64>)> {
-    let moved = |joint: usize| {
-        let columns = contrasts.iter().map(|each| each.joints.column(joint));
-        columns.map(|column| column.amax()).fold(0.0, f64::max)
-    };
-    let most = (0..joints).map(moved).fold(0.0, f64::max);
-    let moving: Vec<usize> = (0..joints)
-        .filter(|&joint| moved(joint) > SHOWN * most)
-        .collect();
-    let numbers = (contrasts.iter()).map(|each| each.count * each.own.nrows() as f64);
-    let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
-    let mut classes: Vec<Vec<usize>> = if numbers.sum::<f64>() < wanted {
-        vec![moving]
-    } else {
-        moving.into_iter().map(|joint| vec![joint]).collect()
-    };
-    loop {
-        let variances = likeliest(contrasts, &classes, is_reading_estimated)?;
-        let (_, information) = improved(contrasts, &classes, is_reading_estimated, &variances)?;
-        let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
-        let is_inflated = |place: &usize| {
-            let own = information[(*place, *place)];
-            let inverse = inverse.as_ref();
-            inverse.is_none_or(|inverse| inverse[(*place, *place)] * own > INFLATED)
-        };
-        let alike = |&(one, other): &(usize, usize)| {
-            let size = information[(one, one)] * information[(other, other)];
-            information[(one, other)] / size.sqrt()
-        };
-        let all = 1..variances.len();
-        // The two that are told apart worst become one.
-        let pairs = (all.clone().filter(is_inflated))
-            .flat_map(|one| all.clone().map(move |other| (one, other)))
-            .filter(|(one, other)| one != other);
-        let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
-        let Some((one, other)) = worst else {
-            return Some((classes, variances));
-        };
-        let joined = classes.remove(one.max(other) - 1);
-        let class = &mut classes[one.min(other) - 1];
-        class.extend(joined);
-        class.sort_unstable();
-    }
 }
 
-/// The likeliest variances: from half of what contrasts scatter on.
-fn likeliest(
-    contrasts: &[Contrasts],
-    classes: &[Vec<usize>],
-    is_reading_estimated: bool,
-) -> Option<Vec<f64>> {
-    let (mut square, mut moved) = (0.0, 0.0);
-    for each in contrasts {
-        square += each.scatter.trace();
-        moved += each.count * each.joints.norm_squared();
-    }
-    let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
-    let mut variances = vec![returns; 1 + classes.len()];
-    variances[0] = 1.0;
-    for _ in 0..ROUNDS {
-        let (next, _) = improved(contrasts, classes, is_reading_estimated, &variances)?;
-        let change = next.iter().zip(&variances).map(|(next, before)| {
-            (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
-        });
-        let change = change.fold(0.0, f64::max);
-        variances = next;
-        if change < FOUND {
-            break;
+impl AllContrasts {
+    /// Which joints have a variance in common; that of the readings, then those of these classes.
+    fn components(&self, joints: usize) -> Option<(Vec<Vec<usize>>, Vec<f64>)> {
+        let contrasts = self.contrasts.iter();
+        let moved = |joint: usize| {
+            let columns = contrasts.clone().map(|each| each.joints.column(joint));
+            columns.map(|column| column.amax()).fold(0.0, f64::max)
+        };
+        let most = (0..joints).map(moved).fold(0.0, f64::max);
+        let moving: Vec<usize> = (0..joints)
+            .filter(|&joint| moved(joint) > SHOWN * most)
+            .collect();
+        let numbers = (contrasts.clone()).map(|each| each.count * each.own.nrows() as f64);
+        let wanted = NUMBERS_PER_VARIANCE * (moving.len() + 1) as f64;
+        let mut classes: Vec<Vec<usize>> = if numbers.sum::<f64>() < wanted {
+            vec![moving]
+        } else {
+            moving.into_iter().map(|joint| vec![joint]).collect()
+        };
+        loop {
+            let variances = self.likeliest(&classes)?;
+            let (_, information) = self.improved(&classes, &variances)?;
+            let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
+            let is_inflated = |place: &usize| {
+                let own = information[(*place, *place)];
+                let inverse = inverse.as_ref();
+                inverse.is_none_or(|inverse| inverse[(*place, *place)] * own > INFLATED)
+            };
+            let alike = |&(one, other): &(usize, usize)| {
+                let size = information[(one, one)] * information[(other, other)];
+                information[(one, other)] / size.sqrt()
+            };
+            let all = 1..variances.len();
+            // The two that are told apart worst become one.
+            let pairs = (all.clone().filter(is_inflated))
+                .flat_map(|one| all.clone().map(move |other| (one, other)))
+                .filter(|(one, other)| one != other);
+            let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
+            let Some((one, other)) = worst else {
+                return Some((classes, variances));
+            };
+            let joined = classes.remove(one.max(other) - 1);
+            let class = &mut classes[one.min(other) - 1];
+            class.extend(joined);
+            class.sort_unstable();
         }
     }
-    Some(variances)
-}
 
-/// Likelier variances, and the expected information of those that were given.
-fn improved(
-    contrasts: &[Contrasts],
-    classes: &[Vec<usize>],
-    is_reading_estimated: bool,
-    variances: &[f64],
-) -> Option<(Vec<f64>, DMatrix<f64>)> {
-    let count = variances.len();
-    let mut sums = vec![[0.0; 2]; count];
-    let mut information = DMatrix::zeros(count, count);
-    for each in contrasts {
-        // How each variance moves the covariance of a contrast.
-        let returns = classes.iter().map(|class| {
-            let moved = each.joints.select_columns(class);
-            &moved * moved.transpose()
-        });
-        let parts: Vec<DMatrix<f64>> = iter::once(each.own.clone()).chain(returns).collect();
-        let all = parts.iter().zip(variances);
-        let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
-        let weight = Cholesky::new(covariance)?.inverse();
-        let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
-        let scatter = &weight * &each.scatter;
-        for (row, one) in weighed.iter().enumerate() {
-            sums[row][0] += (one * &scatter).trace();
-            sums[row][1] += each.count * one.trace();
-            for (column, other) in weighed.iter().enumerate() {
-                information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
+    /// The likeliest variances: from half of what contrasts scatter on.
+    fn likeliest(&self, classes: &[Vec<usize>]) -> Option<Vec<f64>> {
+        let (mut square, mut moved) = (0.0, 0.0);
+        for each in &self.contrasts {
+            square += each.scatter.trace();
+            moved += each.count * each.joints.norm_squared();
+        }
+        let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
+        let mut variances = vec![returns; 1 + classes.len()];
+        variances[0] = 1.0;
+        for _ in 0..ROUNDS {
+            let (next, _) = self.improved(classes, &variances)?;
+            let change = next.iter().zip(&variances).map(|(next, before)| {
+                (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
+            });
+            let change = change.fold(0.0, f64::max);
+            variances = next;
+            if change < FOUND {
+                break;
             }
         }
+        Some(variances)
     }
-    let improved = variances.iter().zip(&sums);
-    let improved = improved.map(|(variance, [square, expected])| {
-        variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
-    });
-    let mut improved: Vec<f64> = improved.collect();
-    if !is_reading_estimated {
-        improved[0] = 1.0;
-        information.row_mut(0).fill(0.0);
-        information.column_mut(0).fill(0.0);
-        information[(0, 0)] = 1.0;
-    }
-    Some((improved, information))
-}
 
-/// The degrees of freedom of each variance if there were no other: of the readings', then of these classes.
-fn degrees_alone(contrasts: &[Contrasts], classes: &[Vec<usize>]) -> Vec<f64> {
-    let of_readings = |each: &Contrasts| each.count * each.own.nrows() as f64;
-    let of_class = |class: &Vec<usize>, each: &Contrasts| {
-        let moved = class
-            .iter()
-            .filter(|&&joint| each.joints.column(joint).amax() > 0.0);
-        each.count * moved.count().min(each.own.nrows()) as f64
-    };
-    let classes = classes
-        .iter()
-        .map(|class| contrasts.iter().map(|each| of_class(class, each)).sum());
-    iter::once(contrasts.iter().map(of_readings).sum())
-        .chain(classes)
-        .collect()
+    /// Likelier variances, and the expected information of those that were given.
+    fn improved(
+        &self,
+        classes: &[Vec<usize>],
+        variances: &[f64],
+    ) -> Option<(Vec<f64>, DMatrix<f64>)> {
+        let count = variances.len();
+        let mut sums = vec![[0.0; 2]; count];
+        let mut information = DMatrix::zeros(count, count);
+        for each in &self.contrasts {
+            // How each variance moves the covariance of a contrast.
+            let returns = classes.iter().map(|class| {
+                let moved = each.joints.select_columns(class);
+                &moved * moved.transpose()
+            });
+            let parts: Vec<DMatrix<f64>> = iter::once(each.own.clone()).chain(returns).collect();
+            let all = parts.iter().zip(variances);
+            let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
+            let weight = Cholesky::new(covariance)?.inverse();
+            let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
+            let scatter = &weight * &each.scatter;
+            for (row, one) in weighed.iter().enumerate() {
+                sums[row][0] += (one * &scatter).trace();
+                sums[row][1] += each.count * one.trace();
+                for (column, other) in weighed.iter().enumerate() {
+                    information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
+                }
+            }
+        }
+        let improved = variances.iter().zip(&sums);
+        let improved = improved.map(|(variance, [square, expected])| {
+            variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
+        });
+        let mut improved: Vec<f64> = improved.collect();
+        if !self.is_reading_estimated {
+            improved[0] = 1.0;
+            information.row_mut(0).fill(0.0);
+            information.column_mut(0).fill(0.0);
+            information[(0, 0)] = 1.0;
+        }
+        Some((improved, information))
+    }
+
+    /// The degrees of freedom of each variance if there were no other: of the readings', then of these classes.
+    fn degrees_alone(&self, classes: &[Vec<usize>]) -> Vec<f64> {
+        let sum = |rows: &dyn Fn(&Contrasts) -> usize| {
+            let contrasts = self.contrasts.iter();
+            contrasts.map(|each| each.count * rows(each) as f64).sum()
+        };
+        let of_class = |class: &Vec<usize>| {
+            sum(&|each| {
+                let is_moved = |joint: &&usize| each.joints.column(**joint).amax() > 0.0;
+                class.iter().filter(is_moved).count().min(each.own.nrows())
+            })
+        };
+        let of_readings = sum(&|each| each.own.nrows());
+        iter::once(of_readings)
+            .chain(classes.iter().map(of_class))
+            .collect()
+    }
 }
 
 /// The interval of 95 % of a standard deviation, by its square v, the variance of that, and the degrees of freedom that v would have if there

@@ -3,8 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::super::FitResult;
-use super::{AbsoluteCase, ReadingResidual};
+use super::{AbsoluteCase, FitResult, ReadingResidual};
 use crate::observation::{ObservationModel, Whitener, of_each_prediction};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 

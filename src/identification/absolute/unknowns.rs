@@ -4,7 +4,7 @@ use nalgebra::{DVector, Vector3};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::{AbsoluteCase, AbsoluteError, AbsoluteResult};
+use super::{AbsoluteCase, FitResult, IdentificationError};
 use crate::numeric::random::generator;
 use crate::observation::{Observation, PlannedReading, planned_information};
 use crate::parameter::{Axis, ElasticArm, Freedoms, Parameter, ParameterKind, ParameterSet, Prior};
@@ -137,7 +137,7 @@ type Unknown = (ParameterKind, Option<f64>);
 
 impl AbsoluteCase<'_> {
     /// The frames of stations and targets, with what is known of them; how a target is turned shows in poses alone.
-    pub(super) fn frames(&self) -> AbsoluteResult<ParameterSet> {
+    pub(super) fn frames(&self) -> FitResult<ParameterSet> {
         let all = self.named(&[ParameterGroup::Frames])?;
         let is_shown = |kind: ParameterKind| kind.is_mounted() && self.shows(kind);
         let mut places: Vec<usize> = (0..all.len()).collect();
@@ -164,16 +164,6 @@ impl AbsoluteCase<'_> {
         kinds
     }
 
-    fn whole_frames(&self) -> Vec<ParameterKind> {
-        let mut kinds = Vec::new();
-        for station in 0..self.stations.len() {
-            kinds.extend(self.base_kinds(station));
-        }
-        let tools = 0..self.targets.len();
-        kinds.extend(tools.flat_map(ParameterKind::of_tool).flatten());
-        kinds
-    }
-
     /// What the belief leaves open, and of what it knows something before, or what groups name, with the frames: without what
     /// neither these readings nor others that are asked about could tell from the rest.
     ///
@@ -183,7 +173,7 @@ impl AbsoluteCase<'_> {
         &self,
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
-    ) -> Result<ParameterSet, AbsoluteError> {
+    ) -> Result<ParameterSet, IdentificationError> {
         Ok(self.told_apart(groups, asked)?.0)
     }
 
@@ -216,8 +206,9 @@ impl AbsoluteCase<'_> {
             wanted(place, kind).then_some((place, (kind, each.prior_deviation)))
         });
         let (places, mut unknowns): (Vec<usize>, Vec<Unknown>) = before.unzip();
-        let more = named.into_iter().chain(self.whole_frames());
-        for kind in more {
+        let stations = (0..self.stations.len()).flat_map(|station| self.base_kinds(station));
+        let targets = (0..self.targets.len()).flat_map(ParameterKind::of_tool);
+        for kind in (named.into_iter()).chain(stations).chain(targets.flatten()) {
             if !unknowns.iter().any(|(known, _)| *known == kind) {
                 unknowns.push((kind, prior_deviation(kind)));
             }
@@ -231,7 +222,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// The same as a set, with all that is known before.
-    fn named(&self, groups: &[ParameterGroup]) -> AbsoluteResult<ParameterSet> {
+    fn named(&self, groups: &[ParameterGroup]) -> FitResult<ParameterSet> {
         let (unknowns, before) = self.named_unknowns(groups);
         let all = ParameterSet::new(&self.arm, unknowns)?;
         let first: Vec<usize> = (0..before.mean.len()).collect();
@@ -248,7 +239,7 @@ impl AbsoluteCase<'_> {
         &self,
         groups: &[ParameterGroup],
         asked: &[PlannedReading],
-    ) -> Result<(ParameterSet, Vec<LeftOut>), AbsoluteError> {
+    ) -> Result<(ParameterSet, Vec<LeftOut>), IdentificationError> {
         let all = self.named(groups)?;
         let left_out = self.redundant(&all, asked);
         let is_kept = |place: &usize| {
@@ -310,14 +301,14 @@ impl AbsoluteCase<'_> {
     }
 
     /// Whether the readings determine the frames as far as this robot, were it rigid, lets anybody.
-    pub(super) fn check_frames(&self) -> Result<(), AbsoluteError> {
+    pub(super) fn check_frames(&self) -> Result<(), IdentificationError> {
         let set = self.frames()?;
         let readings = self.planned();
         let rows: usize = readings.iter().map(|each| each.kind.rows()).sum();
         let is_unknown = |each: &&Parameter| each.prior_deviation.is_none();
         let unknowns = set.parameters().iter().filter(is_unknown).count();
         if rows < unknowns {
-            return Err(AbsoluteError::TooFew { rows, unknowns });
+            return Err(IdentificationError::TooFew { rows, unknowns });
         }
         let found = self.rigid_freedoms(&set, &readings);
         if found.named.is_empty() {
@@ -337,7 +328,7 @@ impl AbsoluteCase<'_> {
             ),
         };
         let sentences = found.named.into_iter().map(|each| each.sentence).collect();
-        Err(AbsoluteError::Frames { what, sentences })
+        Err(IdentificationError::Frames { what, sentences })
     }
 
     /// The same kinds of readings anywhere within the joints' ranges.

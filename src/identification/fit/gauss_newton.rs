@@ -112,7 +112,14 @@ pub fn gauss_newton<Problem: FitProblem>(
                 curvature = learnt(&moved, before, &now, curvature);
             }
         }
-        let curved = (curvature.as_ref()).and_then(|known| curved_step(problem, known, &now));
+        // A step by the curvature, too, where it is better.
+        let curved = curvature.as_ref().and_then(|curvature| {
+            let step = Cholesky::new(&now.information + curvature)?.solve(&now.gradient);
+            let found = problem.at(&now.values + problem.change(&step)).ok()?;
+            let is_nearer =
+                found.length() < now.length() && found.square <= now.square * (1.0 + ROUNDING);
+            (found.square < now.square || is_nearer).then_some(found)
+        });
         let next = if let Some(next) = curved {
             next
         } else {
@@ -169,16 +176,4 @@ fn learnt<Kept>(
         is_sound.then_some(known)
     };
     (known.and_then(corrected)).or_else(|| corrected(DMatrix::zeros(size, size)))
-}
-
-/// A step by what is known of that, too. None where it is no better.
-fn curved_step<Problem: FitProblem>(
-    problem: &mut Problem,
-    curvature: &DMatrix<f64>,
-    now: &FitPlace<Problem::Kept>,
-) -> Option<FitPlace<Problem::Kept>> {
-    let step = Cholesky::new(&now.information + curvature)?.solve(&now.gradient);
-    let found = problem.at(&now.values + problem.change(&step)).ok()?;
-    let is_nearer = found.length() < now.length() && found.square <= now.square * (1.0 + ROUNDING);
-    (found.square < now.square || is_nearer).then_some(found)
 }

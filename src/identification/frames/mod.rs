@@ -47,7 +47,9 @@ impl MountedFrames {
             link_from_tool: tools.to_vec(),
         }];
         if sights.iter().all(|sight| sight.rotation.is_some()) {
-            starts.push(positions::of_poses(sights, stations, tools));
+            let mut frames = positions::relaxed(sights, stations, tools);
+            positions::translate(&mut frames, sights, tools);
+            starts.push(frames);
         }
         starts.extend(positions::solved(sights, stations, tools));
         let mut best = (f64::INFINITY, starts[0].clone());

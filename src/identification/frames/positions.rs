@@ -119,19 +119,12 @@ pub(super) fn translate(frames: &mut MountedFrames, sights: &[Sight], tools: &[I
     }
 }
 
-/// Frames from poses: stations by least squares in which they and the targets' orientations may be any matrices, and translations there.
-pub(super) fn of_poses(
+/// Stations by least squares in which they, and where poses are read the targets' orientations, may be any matrices.
+pub(super) fn relaxed(
     sights: &[Sight],
     stations: usize,
     tools: &[Isometry3<f64>],
 ) -> MountedFrames {
-    let mut frames = relaxed(sights, stations, tools);
-    translate(&mut frames, sights, tools);
-    frames
-}
-
-/// The start from least squares in which stations may be any matrices.
-fn relaxed(sights: &[Sight], stations: usize, tools: &[Isometry3<f64>]) -> MountedFrames {
     let of_target = if sights.iter().any(|sight| sight.rotation.is_some()) {
         12
     } else {

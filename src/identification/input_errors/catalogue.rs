@@ -223,27 +223,19 @@ impl RowKinds {
         }
     }
 
-    const fn has(self, each: &Measurement) -> bool {
-        match self {
-            Self::Both => true,
-            Self::Deflections => each.direction.is_none(),
-            Self::Displacements => each.direction.is_some(),
-        }
+    fn has(self, each: &Measurement) -> bool {
+        self == Self::Both || (self == Self::Displacements) == each.direction.is_some()
     }
 
-    const fn noun(self) -> &'static str {
+    /// What they are, and their columns.
+    const fn words(self) -> [&'static str; 2] {
         match self {
-            Self::Both => "deflections and displacements",
-            Self::Deflections => "deflections",
-            Self::Displacements => "displacements",
-        }
-    }
-
-    const fn columns(self) -> &'static str {
-        match self {
-            Self::Both => "dx_mm, dy_mm, dz_mm, displacement_mm",
-            Self::Deflections => "dx_mm, dy_mm, dz_mm",
-            Self::Displacements => "displacement_mm",
+            Self::Both => [
+                "deflections and displacements",
+                "dx_mm, dy_mm, dz_mm, displacement_mm",
+            ],
+            Self::Deflections => ["deflections", "dx_mm, dy_mm, dz_mm"],
+            Self::Displacements => ["displacements", "displacement_mm"],
         }
     }
 }
@@ -252,19 +244,19 @@ impl RowKinds {
 /// which are those of three coordinates.
 pub(super) fn of_deflections(rows: RowKinds) -> [Vec<InputError>; 5] {
     let signs = |part: RowKinds| {
+        let [noun, columns] = part.words();
         let question = if part == rows {
             "are all signs reversed, loaded and unloaded swapped or the loads' sign".to_owned()
         } else {
-            format!("are the signs of all {} reversed", part.noun())
+            format!("are the signs of all {noun} reversed")
         };
         let along = match part {
             RowKinds::Deflections => "",
             _ => ", displacements positive along their direction",
         };
         let right = format!(
-            "Deflections are loaded minus unloaded{along}; a weight has a negative fz_n where z points up: change the sign of {}, or of \
-             the loads",
-            part.columns()
+            "Deflections are loaded minus unloaded{along}; a weight has a negative fz_n where z points up: change the sign of {columns}, \
+             or of the loads"
         );
         let reversed = move |each: &mut Measurement, _: &_| {
             if part.has(each) {
@@ -281,8 +273,9 @@ pub(super) fn of_deflections(rows: RowKinds) -> [Vec<InputError>; 5] {
         InputError::new("load_unit", (question, remedy), deflection(change))
     };
     let unit = |part: RowKinds, (factor, unit): (f64, &str)| {
-        let question = format!("are the {} in {unit} instead of mm", part.noun());
-        let remedy = format!("Multiply {} by {factor}", part.columns());
+        let [noun, columns] = part.words();
+        let question = format!("are the {noun} in {unit} instead of mm");
+        let remedy = format!("Multiply {columns} by {factor}");
         let change = move |each: &mut Measurement, _: &_| {
             if part.has(each) {
                 each.deflection_m *= factor;

@@ -296,7 +296,16 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError
         |matrix: Matrix3<f64>| ReadingEvidence::new(case, measurements, &read(matrix)).square;
     let refined = |mut matrix: Matrix3<f64>| {
         for _ in 0..TURNS {
-            matrix = nearest_rotation(case, measurements, &read(matrix))?;
+            let compliance = DVector::from_vec(most_probable(case, &read(matrix))?);
+            let turned = measurements.iter().map(|each| {
+                let predicted = deflection(case, each, &compliance);
+                let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
+                predicted * each.deflection_m.transpose() / (sigma * sigma)
+            });
+            let correlation: Matrix3<f64> = turned.sum();
+            let values = correlation.singular_values();
+            let tells_rotation = values[1] >= FLAT * values[0];
+            matrix = tells_rotation.then(|| nearest(&correlation).into_inner())?;
         }
         Some((square(matrix), matrix))
     };
@@ -310,24 +319,6 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError
         .filter_map(|(_, start)| refined(start))
         .min_by(|one, other| one.0.total_cmp(&other.0))?;
     Some((catalogue::in_frame(best.1), price.max(0.0)))
-}
-
-/// The rotation of the file's deflections nearest to the model's with the compliances that fit the
-/// deflections as `read`.
-fn nearest_rotation(
-    case: &Case<'_>,
-    file: &[Measurement],
-    read: &[Measurement],
-) -> Option<Matrix3<f64>> {
-    let compliance = DVector::from_vec(most_probable(case, read)?);
-    let mut correlation = Matrix3::zeros();
-    for each in file {
-        let predicted = deflection(case, each, &compliance);
-        let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
-        correlation += predicted * each.deflection_m.transpose() / (sigma * sigma);
-    }
-    let values = correlation.singular_values();
-    (values[1] >= FLAT * values[0]).then(|| nearest(&correlation).into_inner())
 }
 
 /// The deflection of a measurement by the compliances of all joints (m), to first order.

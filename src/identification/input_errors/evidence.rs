@@ -56,7 +56,10 @@ impl ReadingEvidence {
         let steps = successors(Some(smallest), |v| (*v < largest).then_some(v + STEP));
         let least = steps.map(at).fold(f64::INFINITY, f64::min);
         // What maps the file's numbers to those that are read turns densities into densities.
-        let map = 2.0 * (log_sigma(case, read) - log_stretch(file, read));
+        let each = file.iter().zip(read);
+        let map: f64 = each
+            .map(|(file, read)| 2.0 * log_of_map(case, file, read))
+            .sum();
         Self {
             value: least + map,
             square: square(1.0),
@@ -92,28 +95,27 @@ pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Ve
     Some(compliance)
 }
 
-fn log_sigma(case: &Case<'_>, measurements: &[Measurement]) -> f64 {
-    let default = Vector3::repeat(case.sigma.weight_m());
-    let logarithms = |sigma: Vector3<f64>| sigma.map(f64::ln);
-    let of = |each: &Measurement| {
-        let rotation = each.rotation.map(|each| logarithms(each.sigma_rad).sum());
-        let own = logarithms(each.sigma_m.unwrap_or(default));
-        // Along a direction it is one number.
-        let own = each.direction.map_or_else(|| own.sum(), |_| own.x);
-        own + rotation.unwrap_or(0.0)
+/// The logarithm of a reading's standard deviations, and of the volume that reading a measurement of the file so stretches by: only units
+/// change that.
+fn log_of_map(case: &Case<'_>, file: &Measurement, read: &Measurement) -> f64 {
+    let sigma_m = read
+        .sigma_m
+        .unwrap_or(Vector3::repeat(case.sigma.weight_m()));
+    let (numbers, own) = match read.direction {
+        Some(_) => (1.0, sigma_m.x.ln()),
+        None => (3.0, sigma_m.map(f64::ln).sum()),
     };
-    measurements.iter().map(of).sum()
-}
-
-/// The logarithm of the volume that readings stretch by: only units change it.
-fn log_stretch(file: &[Measurement], read: &[Measurement]) -> f64 {
-    let lengths = |each: &Measurement| {
-        let turn = each.rotation.map_or(0.0, |each| each.vector_rad.norm());
-        let numbers = each.direction.map_or(3.0, |_| 1.0);
-        [(each.deflection_m.norm(), numbers), (turn, 3.0)]
+    let stretch = |numbers: f64, [before, after]: [f64; 2]| {
+        let is_any = before > 0.0 && after > 0.0;
+        if is_any {
+            numbers * (after / before).ln()
+        } else {
+            0.0
+        }
     };
-    let both = (file.iter().flat_map(lengths)).zip(read.iter().flat_map(lengths));
-    let both = both.filter(|((before, _), (after, _))| *before > 0.0 && *after > 0.0);
-    both.map(|((before, numbers), (after, _))| numbers * (after / before).ln())
-        .sum()
+    let both = [file, read];
+    let turns = both.map(|each| each.rotation.map_or(0.0, |each| each.vector_rad.norm()));
+    let rotation = (read.rotation).map_or(0.0, |each| each.sigma_rad.map(f64::ln).sum());
+    let moved = both.map(|each| each.deflection_m.norm());
+    own + rotation - stretch(numbers, moved) - stretch(3.0, turns)
 }

@@ -52,19 +52,18 @@ pub(super) struct Test {
     pub design_effect: f64,
 }
 
-/// What a candidate's columns X (6 N x c) make of each other and of what they are beside.
-struct Products {
-    /// X^T X, c x c.
-    whole: DMatrix<f64>,
-    /// What the fit's directions take of X, r x c.
+/// A candidate with what the fit's directions take of its columns X (r x c), and orthonormal combinations of what is left of them (c x q).
+struct TestedPattern {
+    against: Against,
     taken: DMatrix<f64>,
-    /// X^T r, c.
-    along: DVector<f64>,
+    combinations: DMatrix<f64>,
+    /// Coordinates of the residuals along the combinations.
+    shares: DVector<f64>,
 }
 
-impl Products {
-    /// Those of some candidates, in their order. Columns are multiples of few bases, whose products with the fit's directions serve
-    /// all harmonics.
+impl TestedPattern {
+    /// Some candidates, without those that cannot be told from the fit's own directions. Columns are multiples of few bases, whose products
+    /// with these directions serve all harmonics.
     fn of(looked: &LookedAt, projected: &Projected, candidates: &[Against]) -> Vec<Self> {
         let columns: Vec<_> = candidates
             .iter()
@@ -94,7 +93,8 @@ impl Products {
             known.map_or(&[][..], |(_, rows)| rows)
         };
         let mut first = 0;
-        let products = columns.iter().map(|columns| {
+        let tested = candidates.iter().zip(&columns);
+        let tested = tested.filter_map(|(&against, columns)| {
             let product = |row: usize, column: usize| -> f64 {
                 let [(base, factors), (other, others)] = [&columns[row], &columns[column]];
                 let rows = rows_of(*base).iter().zip(rows_of(*other));
@@ -112,47 +112,18 @@ impl Products {
             };
             let size = columns.len();
             first += size;
-            Self {
-                whole: DMatrix::from_fn(size, size, product),
-                taken: taken.columns(first - size, size).into_owned(),
-                along: DVector::from_fn(size, along),
-            }
+            let whole = DMatrix::from_fn(size, size, product);
+            let taken = taken.columns(first - size, size).into_owned();
+            let left = &whole - taken.tr_mul(&taken);
+            let combinations = orthonormal(&left, &whole, |_| TOLD_APART)?;
+            Some(Self {
+                against,
+                shares: combinations.tr_mul(&DVector::from_fn(size, along)),
+                taken,
+                combinations,
+            })
         });
-        products.collect()
-    }
-}
-
-/// A candidate with what the fit's directions take of its columns (r x c), and orthonormal combinations of what is left of them (c x q).
-struct TestedPattern {
-    against: Against,
-    taken: DMatrix<f64>,
-    combinations: DMatrix<f64>,
-    /// Coordinates of the residuals along the combinations.
-    shares: DVector<f64>,
-}
-
-impl TestedPattern {
-    /// None where it cannot be told from the fit's own directions.
-    fn new(against: Against, products: Products) -> Option<Self> {
-        let Products {
-            whole,
-            taken,
-            along,
-        } = products;
-        let left = &whole - taken.tr_mul(&taken);
-        let combinations = orthonormal(&left, &whole, |_| TOLD_APART)?;
-        Some(Self {
-            against,
-            shares: combinations.tr_mul(&along),
-            taken,
-            combinations,
-        })
-    }
-
-    /// Its orthonormal directions (6 N x q).
-    fn directions(&self, looked: &LookedAt, projected: &Projected) -> DMatrix<f64> {
-        let taken = &self.taken * &self.combinations;
-        looked.rows_of(self.against) * &self.combinations - projected.directions.tr_mul(&taken)
+        tested.collect()
     }
 
     /// The F test, with the degrees of freedom of the denominator where they are fewer than those that are left.
@@ -184,11 +155,8 @@ pub(super) fn screened(
 ) -> Vec<Test> {
     // One product of many columns is faster than many.
     let tests = candidates.par_chunks(BATCH).map(|candidates| {
-        let products = Products::of(looked, projected, candidates).into_iter();
-        let tested = candidates.iter().zip(products);
-        let tests = tested.filter_map(|(&against, products)| {
-            TestedPattern::new(against, products)?.test(projected, 1.0, f64::INFINITY)
-        });
+        let tested = TestedPattern::of(looked, projected, candidates).into_iter();
+        let tests = tested.filter_map(|each| each.test(projected, 1.0, f64::INFINITY));
         tests.collect::<Vec<_>>()
     });
     tests.collect::<Vec<_>>().concat()
@@ -200,9 +168,10 @@ pub(super) fn judged(
     projected: &Projected,
     against: Against,
 ) -> Option<(Test, DMatrix<f64>)> {
-    let products = Products::of(looked, projected, &[against]).pop()?;
-    let candidate = TestedPattern::new(against, products)?;
-    let directions = candidate.directions(looked, projected);
+    let candidate = TestedPattern::of(looked, projected, &[against]).pop()?;
+    let taken = &candidate.taken * &candidate.combinations;
+    let directions =
+        looked.rows_of(against) * &candidate.combinations - projected.directions.tr_mul(&taken);
     let blocks: Vec<usize> = looked.readings.iter().map(|each| each.block).collect();
     let effect_of = |groups: &[usize]| design_effect(groups, projected, &directions);
     let q = |reading: usize| &looked.readings[reading].angles;

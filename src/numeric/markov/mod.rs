@@ -47,9 +47,10 @@ impl Correlation {
 }
 
 /// A process: how smooth it is, and the length l over which it forgets.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Kernel {
     /// Its correlation.
+    #[serde(default, skip_serializing_if = "Correlation::is_exponential")]
     pub correlation: Correlation,
     /// Its length l.
     pub length: f64,

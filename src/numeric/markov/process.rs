@@ -1,6 +1,8 @@
 //! A process by its states at knots.
 
 use nalgebra::{DMatrix, Matrix2, RowVector2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::{Kernel, Transition};
 
@@ -11,11 +13,12 @@ const RATIO: f64 = 1.25;
 const LONGEST: f64 = 1.0 / 6.0;
 
 /// A process at some knots, of unit variance.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct MarkovProcess {
     /// The knots in ascending order, at least one.
     pub knots: Vec<f64>,
     /// What it is.
+    #[serde(flatten)]
     pub kernel: Kernel,
 }
 

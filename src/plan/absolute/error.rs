@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
-use crate::identification::AbsoluteError;
+use crate::identification::IdentificationError;
 use crate::plan::search::CandidateError;
 
 /// So many names are told one by one.
@@ -31,7 +31,7 @@ pub enum AbsolutePlanError {
     Candidates(#[from] CandidateError),
     /// What can be read.
     #[error(transparent)]
-    Readings(AbsoluteError),
+    Readings(IdentificationError),
     /// The place of the tool depends on what the candidates do not show.
     #[error(
         "the tool's place at the test poses depends on {}, which the candidates do not separate{}",
@@ -53,13 +53,13 @@ impl AbsolutePlanError {
     }
 
     /// What is wrong with candidates in these lines.
-    pub(super) fn of_lines(error: AbsoluteError, lines: &[usize]) -> Self {
+    pub(super) fn of_lines(error: IdentificationError, lines: &[usize]) -> Self {
         let line = |reading: usize| lines.get(reading.wrapping_sub(1)).copied().unwrap_or(0);
         match error {
-            AbsoluteError::Target { reading, source } => {
+            IdentificationError::Target { reading, source } => {
                 Self::target(line(reading), &source.to_string())
             }
-            AbsoluteError::BeyondLoad { reading, target } => Self::other(
+            IdentificationError::BeyondLoad { reading, target } => Self::other(
                 format!(
                     "line {}: the target {target:?} is carried by a joint beyond the calibration tool's, at which loads act",
                     line(reading)

@@ -8,7 +8,7 @@ use super::together::Neighbours;
 use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
 use crate::experiment::{Candidate, read_candidates, together};
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, AbsoluteError, ParameterGroup};
+use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{PlannedReading, ReadingErrors, ReadingKind};
 use crate::parameter::{ReadingSource, relative_precision};
@@ -62,7 +62,7 @@ impl<'a> AbsolutePlanning<'a> {
         let offered = candidates.len();
         candidates.extend(taken.iter().map(row_of));
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
-        let of_lines = |error: AbsoluteError| AbsolutePlanError::of_lines(error, &lines);
+        let of_lines = |error: IdentificationError| AbsolutePlanError::of_lines(error, &lines);
         let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
         let sources = task.belief.uncertain.sources();
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();

@@ -234,15 +234,6 @@ impl MixedModel {
         self
     }
 
-    fn without_waves(&self) -> Self {
-        let mut model = self.clone();
-        for visit in &mut model.visits {
-            visit.waves = DMatrix::zeros(visit.residual.len(), 0);
-        }
-        model.waving.clear();
-        model
-    }
-
     /// Two series of one robot, which share the errors of its joints, what is new at configurations that both visit, and what is known
     /// before of the robot: all parameters of the one (p) above all of the other.
     pub fn beside(&self, other: &Self) -> Self {
@@ -286,7 +277,7 @@ impl MixedModel {
         let most = if self.waving.is_empty() {
             Vec::new()
         } else {
-            let (seen, _) = self.without_waves().likeliest()?;
+            let (seen, _) = self.clone().with_waves(&[]).likeliest()?;
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
@@ -323,7 +314,11 @@ impl MixedModel {
         for _ in 0..rounds {
             let (mut next, numbers) = self.improved(&variances, &solved)?;
             limit(&mut next);
-            let change = next.change_from(&variances);
+            // The largest change of a deviation that matters, as a share of it.
+            let change = (next.all.iter().zip(&variances.all))
+                .filter(|(one, _)| **one > 10.0 * LEAST)
+                .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
+                .fold(0.0, f64::max);
             (variances, told) = (next, numbers);
             solved = self.solved(&variances)?;
             if change < found {
@@ -501,14 +496,6 @@ impl MixedVariances {
     /// Of what is new where no reading is: of a visit, and of its configuration.
     fn of_unread(&self, part: usize) -> f64 {
         self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])
-    }
-
-    /// The largest change of a deviation that matters, as a share of it.
-    fn change_from(&self, other: &Self) -> f64 {
-        (self.all.iter().zip(&other.all))
-            .filter(|(one, _)| **one > 10.0 * LEAST)
-            .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
-            .fold(0.0, f64::max)
     }
 }
 

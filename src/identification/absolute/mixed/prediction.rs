@@ -56,7 +56,8 @@ impl MixedModel {
                     process: process.clone(),
                     deviation: variances.all[2 + joint].sqrt(),
                     repeatability: variances.all[variances.returns() + joint].sqrt(),
-                    spread: [Vec::new(), Vec::new()],
+                    spread_of_positions: Vec::new(),
+                    spread_of_rotations: Vec::new(),
                 })
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
@@ -203,7 +204,10 @@ impl DiscrepancyModel {
             return vec![1.0; all.len()];
         };
         for (joint, coefficients) in self.joints.iter_mut().zip(spread.of_joints) {
-            joint.spread[part] = coefficients;
+            *[
+                &mut joint.spread_of_positions,
+                &mut joint.spread_of_rotations,
+            ][part] = coefficients;
         }
         spread.by_others.into_iter().map(f64::exp).collect()
     }

@@ -11,13 +11,12 @@ mod recommendation;
 
 use rayon::prelude::*;
 
-use super::super::error::FitResult;
 use super::super::fit::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::KeptFit;
 use super::{
-    AbsoluteCase, AbsoluteError, AbsoluteResult, DistanceStatistics, ParameterGroup,
+    AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, ParameterGroup,
     ReadingResidual, ReadingWeights, RejectedReading,
 };
 use crate::parameter::{ParameterKind, ParameterSet};
@@ -104,7 +103,7 @@ type Skipped = Vec<(ParameterGroup, String)>;
 
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
-    pub fn model_selection(&mut self, weights: ReadingWeights) -> AbsoluteResult<ModelSelection> {
+    pub fn model_selection(&mut self, weights: ReadingWeights) -> FitResult<ModelSelection> {
         self.check_frames()?;
         self.count_of_blocks()?;
         let start = self.far_from_frames();
@@ -133,7 +132,15 @@ impl AbsoluteCase<'_> {
             .map(|step| blocks.without(&step.fit))
             .map(|found| found.map_err(|error| error.to_string()))
             .collect();
-        let judged = judged_by_all(&blocks, &without);
+        // Which readings all nested models tell from the other blocks.
+        let mut judged = vec![true; blocks.of_readings.len()];
+        for without in without.iter().flatten() {
+            for (block, without) in without.iter().enumerate() {
+                for (place, is_told) in blocks.places(block).zip(&without.is_told) {
+                    judged[place] &= is_told;
+                }
+            }
+        }
         let mut nested_models = Vec::new();
         for (step, without) in steps.into_iter().zip(without) {
             let left = case.left(&step.fit.belief)?;
@@ -161,11 +168,11 @@ impl AbsoluteCase<'_> {
         })
     }
 
-    fn count_of_blocks(&self) -> AbsoluteResult<usize> {
+    fn count_of_blocks(&self) -> FitResult<usize> {
         let different = self.different();
         let needed = FEWEST_BLOCKS * IN_A_BLOCK;
         if different < needed {
-            return Err(AbsoluteError::TooFewConfigurations { different, needed });
+            return Err(IdentificationError::TooFewConfigurations { different, needed });
         }
         // Halves of halves hold the same numbers.
         let mut count = FEWEST_BLOCKS;
@@ -176,7 +183,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Fits all nested models, each from the one below, in the end all with the same weights; with the groups that make none.
-    fn climb(&mut self, weights: ReadingWeights) -> AbsoluteResult<(Vec<NestedModelFit>, Skipped)> {
+    fn climb(&mut self, weights: ReadingWeights) -> FitResult<(Vec<NestedModelFit>, Skipped)> {
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
             let groups = named(&steps, added);
@@ -204,7 +211,7 @@ impl AbsoluteCase<'_> {
                     self.weigh_by(&fit, weights)?;
                     steps.push(NestedModelFit { added, groups, fit });
                 }
-                Err(error) if steps.is_empty() => return Err(error.into()),
+                Err(error) if steps.is_empty() => return Err(error),
                 Err(error) => skipped.push((added, error.to_string())),
             }
         }
@@ -254,19 +261,6 @@ fn named(steps: &[NestedModelFit], added: ParameterGroup) -> Vec<ParameterGroup>
         groups.push(ParameterGroup::Frames);
     }
     groups
-}
-
-/// Which readings all nested models tell from the other blocks.
-fn judged_by_all(blocks: &Blocks<'_>, nested_models: &[Result<Vec<Without>, String>]) -> Vec<bool> {
-    let mut judged = vec![true; blocks.of_readings.len()];
-    for without in nested_models.iter().flatten() {
-        for (block, without) in without.iter().enumerate() {
-            for (place, is_told) in blocks.places(block).zip(&without.is_told) {
-                judged[place] &= is_told;
-            }
-        }
-    }
-    judged
 }
 
 /// What a nested model leaves of each block that it was not fitted to, of the readings that are judged.
