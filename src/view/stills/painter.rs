@@ -10,7 +10,7 @@ use crate::view::mesh::Mesh;
 /// Shades between the darkest and the lightest side of a colour.
 const SHADES: f64 = 7.0;
 /// Samples of the picture to a pixel of the sheet, in each direction.
-const SAMPLES: f64 = 2.5;
+const SAMPLES: f64 = 2.0;
 
 /// From where an orthographic picture is seen, and where it lies on the sheet.
 #[derive(Debug, Clone)]
@@ -169,7 +169,7 @@ impl<'a> Painter<'a> {
         encoder.set_color(png::ColorType::Rgba);
         // Areas of few colours: filters, which are for photographs, would make it larger.
         encoder.set_filter(png::Filter::NoFilter);
-        encoder.set_deflate_compression(png::DeflateCompression::Level(6));
+        encoder.set_deflate_compression(png::DeflateCompression::Level(9));
         let written = encoder.write_header();
         // A picture in memory always takes its samples.
         let written = written.and_then(|mut writer| writer.write_image_data(&self.pixels));
