@@ -94,7 +94,8 @@ fn answers_to_other_questions_are_refused_or_named() {
             stored(file)
         };
         let mut new = base.clone();
-        *at(&mut new, pointer) = value;
+        let (parent, key) = pointer.rsplit_once('/').expect("a path");
+        new.pointer_mut(parent).expect("there")[key] = value;
         let outcome = compare(&base, &new, "--quiet").ends_with(1);
         assert!(outcome.stdout.is_empty(), "{outcome:#?}");
         let lines: Vec<_> = outcome.stderr.lines().collect();

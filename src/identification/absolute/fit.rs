@@ -25,8 +25,6 @@ const ROBOTS_LEAVE: f64 = 2e-3;
 const MOST_TURNED_RAD: f64 = 0.05;
 /// ... and no link by more (m), in what a maker delivers.
 const MOST_SHIFTED_M: f64 = 0.02;
-/// Instruments err by no smaller a share of the standard deviations that are given for them.
-const OVERSTATED: f64 = 0.1;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
 
@@ -456,8 +454,7 @@ impl AbsoluteFit {
             (self.discrepancy).map(|left| [0, 1].map(|part| [left[part], usual[part]]));
         let probabilities = [self.consistency, self.consistency.map(|each| 1.0 - each)];
         let deviations = "the readings' standard deviations";
-        let are_expected = self.square >= OVERSTATED.powi(2) * self.rows as f64;
-        let residuals = inconsistent(probabilities, deviations, left_and_usual, are_expected);
+        let residuals = inconsistent(probabilities, deviations, left_and_usual, true);
         rejected.into_iter().chain(residuals)
     }
 
