@@ -7,7 +7,6 @@ use elastocal::plan::search::{Problem, SearchError, approximate_design};
 use elastocal::text::wording::in_um;
 
 use crate::support::{Workplace, number, scenario};
-use crate::uncertainties::assert_holds;
 
 /// An arm of four joints of which the last is commanded, or only gives, with something at its base and between its links.
 fn arm(is_driven: bool, [site, tendon]: [&str; 2]) -> String {
@@ -144,8 +143,8 @@ fn short_lengths_keep_their_digits() {
     );
 }
 
-/// Near buckling deflections are not linear in compliances: a prediction of noise alone holds for little noise, and is judged as others
-/// are for much.
+/// Near buckling deflections are not linear in compliances: a prediction of noise alone holds for little noise, and is judged, as others
+/// are, where that makes them more than linear.
 #[test]
 fn a_prediction_of_noise_alone_is_judged() {
     let base = "<site name=\"base\" pos=\"0.2 0.1 1.2\"/>";
@@ -161,14 +160,10 @@ fn a_prediction_of_noise_alone_is_judged() {
         -131.187,-73.633,-116.891,-43.862,17.631,24.886,-51.670,0,0,0,1\n";
     place.write("f.csv", format!("{header}\n{rows}"));
     let held = &place.json("study arm.toml")["plans"][0];
-    assert_holds(held, "little noise");
-    place.write("arm.toml", noise("sigma_mm = 0.3"));
-    let found = place
-        .run("study arm.toml --quiet")
-        .ends_with(3)
-        .says("condition C0402: residual error with the plan \"f\"");
-    assert!(
-        found.stdout.contains("the prediction exceeded: "),
-        "{found:#?}"
-    );
+    let [rms, predicted, error] =
+        ["rms_mm", "predicted_rms_mm", "rms_std_mm"].map(|key| number(&held[key]));
+    assert!((rms - predicted).abs() < 3.0 * error, "{rms} {predicted}");
+    place.write("arm.toml", noise("sigma_mm = 0.06"));
+    let found = place.run("study arm.toml --quiet").ends_with(0);
+    assert!(found.stdout.contains("not validated"), "{found:#?}");
 }
