@@ -13,9 +13,11 @@ use crate::numeric::least_squares::{LeastSquares, condition_of, sound_factor};
 use crate::observation::RestTorques;
 use crate::task::Method;
 
-/// Where more is uncertain, a fit is found when the last step, which is taken, is shorter than this in standard errors: the next would be
-/// shorter by far.
-const LAST_STEP: f64 = 1e-4;
+/// Where more is uncertain, the last step is taken. It leaves l2 = l1 (l1 / l0)^2 standard errors after steps of l0 and l1, as Gauss-Newton
+/// does where residuals are no larger than they should be: a fit is found when that is less than this ...
+const LEFT: f64 = 1e-6;
+/// ... and l1 no longer than this, so that the covariance is that of the estimate to some thousandths.
+const LAST_STEP: f64 = 0.03;
 
 /// A fit before its uncertainty is judged.
 pub struct DeflectionFit {
@@ -189,6 +191,8 @@ struct DeflectionProblem<'a> {
     /// What was read, whitened.
     read: DVector<f64>,
     torques: Vec<RestTorques>,
+    /// The length in standard errors of the step to where the fit begins; zero if it is unknown.
+    begun: f64,
 }
 
 impl FitProblem for DeflectionProblem<'_> {
@@ -227,11 +231,12 @@ impl FitProblem for DeflectionProblem<'_> {
     }
 
     /// Compliances alone take few steps, and are told to the last digit.
-    fn tolerance(&self, _: &FitPlace<Self::Kept>) -> f64 {
+    fn tolerance(&self, _: &FitPlace<Self::Kept>, before: Option<f64>) -> f64 {
         if self.source.belief.uncertain.is_plain() {
             0.0
         } else {
-            LAST_STEP
+            let before = before.unwrap_or(self.begun);
+            (LEFT * before.powi(2)).cbrt().min(LAST_STEP)
         }
     }
 }
@@ -250,18 +255,22 @@ pub fn fit_nonlinear(
     near: Option<&[f64]>,
 ) -> FitResult<DeflectionFit> {
     let (read, nominal) = (start.read(source), &start.nominal);
-    let first = if let Some(near) = near {
+    let (first, begun) = if let Some(near) = near {
         let off = DVector::from_column_slice(near) - nominal;
-        start.estimable.coordinates_of(&off)
+        (start.estimable.coordinates_of(&off), 0.0)
     } else {
         let rows = start.at_nominal.clone().reading(&read);
-        start.step(&rows, &start.gradient(&rows), start.factor.as_ref())
+        let gradient = start.gradient(&rows);
+        let step = start.step(&rows, &gradient, start.factor.as_ref());
+        let length = gradient.dot(&step).max(0.0).sqrt();
+        (step, length)
     };
     let mut problem = DeflectionProblem {
         start,
         source,
         read,
         torques: start.torques.clone(),
+        begun,
     };
     let first = nominal + problem.change(&first);
     let first =
@@ -278,7 +287,7 @@ mod tests {
     use crate::scenario::Scenario;
     use crate::testbed::measurements_of;
 
-    /// A fit that begins near and one that does not end at the same place, by far nearer than the last step may be long.
+    /// A fit that begins near and one that does not end at the same place, as near as is said.
     #[test]
     fn the_last_step_is_taken() {
         let scenario = Scenario::load("scenarios/kr270.toml".as_ref()).expect("valid");
@@ -303,7 +312,7 @@ mod tests {
         });
         for (place, (one, value)) in other.values.iter().zip(&one.values).enumerate() {
             let error = other.covariance[(place, place)].sqrt();
-            assert!((one - value).abs() < 1e-8 * error, "{place}: {one} {value}");
+            assert!((one - value).abs() < LEFT * error, "{place}: {one} {value}");
         }
     }
 }

@@ -49,8 +49,8 @@ pub trait FitProblem {
     /// A change of the unknowns (p) in coordinates of what is determined (r).
     fn coordinates(&self, change: &DVector<f64>) -> DVector<f64>;
 
-    /// How short a step has to be in standard errors.
-    fn tolerance(&self, now: &FitPlace<Self::Kept>) -> f64;
+    /// How short a step has to be in standard errors, after one that was as long as `before`.
+    fn tolerance(&self, now: &FitPlace<Self::Kept>, before: Option<f64>) -> f64;
 
     /// After so many steps the curvature of what those that hardly become shorter leave is learnt.
     fn nearly_linear(&self) -> usize {
@@ -99,7 +99,8 @@ pub fn gauss_newton<Problem: FitProblem>(
         let length = now.length();
         let is_enough = iterations > PATIENCE && length <= SHORT;
         let is_nothing = now.step.amax() <= NOTHING;
-        if length <= problem.tolerance(&now) || is_enough || is_nothing {
+        let last = before.as_ref().map(FitPlace::length);
+        if length <= problem.tolerance(&now, last) || is_enough || is_nothing {
             return Ok((now, iterations));
         }
         if let Some(before) = &before {

@@ -100,6 +100,24 @@ impl LookedAt {
         DMatrix::from_iterator(6 * self.readings.len(), columns.len(), rows)
     }
 
+    /// The columns of candidates. One wave more in a revolution is a turn by the angle: quicker than its sine and cosine.
+    pub(super) fn columns_of(&self, candidates: &[Against]) -> Vec<Vec<PatternColumn>> {
+        let mut all: Vec<Vec<PatternColumn>> = Vec::with_capacity(candidates.len());
+        for each in candidates.chunk_by(Against::is_before) {
+            let mut columns = self.columns(each[0]);
+            if let (Against::Angle { joint, .. }, 2..) = (each[0], each.len()) {
+                let angles = self.readings.iter().map(|each| each.angles[joint]);
+                let turns: Vec<(f64, f64)> = angles.map(f64::sin_cos).collect();
+                for _ in &each[1..] {
+                    let next = turned(&columns, &turns);
+                    all.push(std::mem::replace(&mut columns, next));
+                }
+            }
+            all.push(columns);
+        }
+        all
+    }
+
     /// A candidate's columns.
     pub(super) fn columns(&self, against: Against) -> Vec<PatternColumn> {
         let of = |base: Base, factor: &dyn Fn(&ReadingRows) -> f64| -> PatternColumn {
@@ -290,7 +308,35 @@ impl LookedAt {
     }
 }
 
+/// The cosines and sines of an angle more, whose sines and cosines are given.
+fn turned(columns: &[PatternColumn], turns: &[(f64, f64)]) -> Vec<PatternColumn> {
+    let before = columns[0].1.iter().zip(&columns[1].1);
+    let (cosines, sines) = (before.zip(turns))
+        .map(|((cosine, sine), (by_sine, by_cosine))| {
+            (
+                cosine * by_cosine - sine * by_sine,
+                sine * by_cosine + cosine * by_sine,
+            )
+        })
+        .unzip();
+    vec![(columns[0].0, cosines), (columns[1].0, sines)]
+}
+
 impl Against {
+    /// Whether another is of the same joint's angle, by one wave more.
+    fn is_before(&self, next: &Self) -> bool {
+        match (*self, *next) {
+            (
+                Self::Angle { joint, waves },
+                Self::Angle {
+                    joint: also,
+                    waves: more,
+                },
+            ) => joint == also && waves + 1 == more,
+            _ => false,
+        }
+    }
+
     /// What residuals are looked at against.
     pub const fn kind(self) -> &'static str {
         match self {

@@ -61,54 +61,81 @@ struct TestedPattern {
     shares: DVector<f64>,
 }
 
+/// What a base's rows are in each reading.
+struct BaseRows {
+    base: Base,
+    rows: Vec<Vector6<f64>>,
+    /// Their squares, and their products with what is left of the residuals.
+    squares: Vec<f64>,
+    left: Vec<f64>,
+}
+
+impl BaseRows {
+    fn new(base: Base, looked: &LookedAt, projected: &Projected) -> Self {
+        let rows: Vec<_> = looked.readings.iter().map(|each| base.of(each)).collect();
+        let left = |(index, row): (usize, &Vector6<f64>)| {
+            (projected.left.fixed_rows::<6>(6 * index)).dot(row)
+        };
+        Self {
+            base,
+            squares: rows.iter().map(Vector6::norm_squared).collect(),
+            left: rows.iter().enumerate().map(left).collect(),
+            rows,
+        }
+    }
+}
+
+fn sum_of_products(one: &[f64], other: impl Iterator<Item = f64>) -> f64 {
+    one.iter().zip(other).map(|(one, other)| one * other).sum()
+}
+
 impl TestedPattern {
     /// Some candidates, without those that cannot be told from the fit's own directions. Columns are multiples of few bases, whose products
     /// with these directions serve all harmonics.
     fn of(looked: &LookedAt, projected: &Projected, candidates: &[Against]) -> Vec<Self> {
-        let columns: Vec<_> = candidates
-            .iter()
-            .map(|&each| looked.columns(each))
-            .collect();
+        let columns = looked.columns_of(candidates);
         let all: Vec<&PatternColumn> = columns.iter().flatten().collect();
         let (count, size) = (looked.readings.len(), projected.directions.nrows());
-        let mut bases: Vec<(Base, Vec<Vector6<f64>>)> = Vec::new();
+        let mut bases: Vec<BaseRows> = Vec::new();
         let mut taken = DMatrix::zeros(size, all.len());
         let mut shown = DMatrix::zeros(size, count);
         let mut first = 0;
         for alike in all.chunk_by(|one, other| one.0 == other.0) {
             let base = alike[0].0;
-            let rows: Vec<_> = looked.readings.iter().map(|each| base.of(each)).collect();
-            for (index, row) in rows.iter().enumerate() {
+            let rows = BaseRows::new(base, looked, projected);
+            for (index, row) in rows.rows.iter().enumerate() {
                 let directions = projected.directions.fixed_columns::<6>(6 * index);
                 shown.column_mut(index).gemv(1.0, &directions, row, 0.0);
             }
-            bases.push((base, rows));
+            bases.push(rows);
             let factors = alike.iter().flat_map(|column| &column.1).copied();
             let factors = DMatrix::from_iterator(count, alike.len(), factors);
             (taken.columns_mut(first, alike.len())).gemm(1.0, &shown, &factors, 0.0);
             first += alike.len();
         }
-        let rows_of = |base: Base| {
-            let known = bases.iter().find(|(each, _)| *each == base);
-            known.map_or(&[][..], |(_, rows)| rows)
-        };
+        let rows_of = |base: Base| bases.iter().find(|each| each.base == base);
         let mut first = 0;
         let tested = candidates.iter().zip(&columns);
         let tested = tested.filter_map(|(&against, columns)| {
             let product = |row: usize, column: usize| -> f64 {
                 let [(base, factors), (other, others)] = [&columns[row], &columns[column]];
-                let rows = rows_of(*base).iter().zip(rows_of(*other));
-                (rows.zip(factors.iter().zip(others)))
-                    .map(|((row, other), (factor, by))| row.dot(other) * factor * by)
-                    .sum()
+                let by = factors.iter().zip(others).map(|(factor, by)| factor * by);
+                match (rows_of(*base), rows_of(*other)) {
+                    (Some(one), Some(_)) if base == other => sum_of_products(&one.squares, by),
+                    (Some(one), Some(other)) => {
+                        let rows = one.rows.iter().zip(&other.rows);
+                        let squares: Vec<f64> = rows.map(|(row, other)| row.dot(other)).collect();
+                        sum_of_products(&squares, by)
+                    }
+                    _ => 0.0,
+                }
             };
             let along = |row: usize, _| -> f64 {
                 let (base, factors) = &columns[row];
-                let rows = rows_of(*base).iter().zip(factors).enumerate();
-                rows.map(|(index, (row, factor))| {
-                    projected.left.fixed_rows::<6>(6 * index).dot(row) * factor
+                let rows = rows_of(*base);
+                rows.map_or(0.0, |rows| {
+                    sum_of_products(&rows.left, factors.iter().copied())
                 })
-                .sum()
             };
             let size = columns.len();
             first += size;

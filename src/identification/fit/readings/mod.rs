@@ -262,7 +262,7 @@ impl FitProblem for ReadingProblem<'_> {
     }
 
     /// Where the residuals alone count, standard errors are larger than the observations' own covariances make them.
-    fn tolerance(&self, now: &ReadingPlace) -> f64 {
+    fn tolerance(&self, now: &ReadingPlace, _: Option<f64>) -> f64 {
         match self.haste {
             Haste::None | Haste::Near => CONVERGED,
             Haste::Weights => FOR_WEIGHTS,
