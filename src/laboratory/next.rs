@@ -69,7 +69,8 @@ pub struct Remaining {
 impl Remaining {
     /// What is left after some measurements, of which each tells as much as its own standard deviations say. Mandatory
     /// experiments of the task that are not measured stay mandatory. What has turned out impossible is left out, as far
-    /// around it as given (rad).
+    /// around it as given (rad). Of as many configurations as the task allows those that are measured are taken; one more
+    /// is always allowed.
     pub fn new(
         task: &Task,
         identification: &Identification,
@@ -87,6 +88,7 @@ impl Remaining {
         let mut left = task.clone();
         left.belief = belief.informed(compliance, &case.information());
         let carried_out = measured_plan(measurements);
+        let visited = u32::try_from(carried_out.experiments.len()).unwrap_or(u32::MAX);
         left.design.mandatory = not_measured(&task.design.mandatory, &carried_out);
         let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
         let is_shared = identified.uncertain.is_shared_by_repeats();
@@ -97,7 +99,9 @@ impl Remaining {
             !impossible.iter().any(near)
         };
         left.design.mandatory.experiments.retain(is_possible);
-        left.design.configurations = None;
+        let still = u32::try_from(left.design.mandatory.experiments.len()).unwrap_or(u32::MAX);
+        left.design.configurations = (task.design.configurations)
+            .map(|most| most.saturating_sub(visited).max(still.saturating_add(1)));
         left.region
             .forbidden
             .extend(impossible.iter().map(|configuration_rad| Forbidden {
@@ -197,7 +201,11 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
         approximate,
         seed,
     };
-    let design = search.best(PlanSize::all_different(count), watch)?;
+    let size = PlanSize {
+        measurements: count,
+        configurations: (task.design.configurations).map_or(count, |most| most.min(count)),
+    };
+    let design = search.best(size, watch)?;
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = left.rho0_m(&design.plan);
     Ok(Rest {

@@ -38,6 +38,27 @@ fn micro(json: &Value, key: &str) -> f64 {
         * 1e3
 }
 
+/// What is measured counts among the configurations that a campaign may have; one more may be visited.
+#[test]
+fn the_rest_visits_as_few_configurations_as_the_campaign_may() {
+    let workplace = after(3);
+    let scenario = workplace.read("s.toml");
+    for (most, more) in [(5, 2), (4, 1), (3, 1)] {
+        let design = format!("[design]\nconfigurations = {most}\n");
+        workplace.write("few.toml", scenario.replace("[design]\n", &design));
+        workplace
+            .run("next few.toml --quiet --measurements m.csv --experiments 6 --plan-out rest.csv")
+            .ends_with(0);
+        let rest = workplace.read("rest.csv");
+        let repeats = |row: &str| row.rsplit(',').next().and_then(|each| each.parse().ok());
+        let rows: Vec<u32> = rest.lines().skip(1).filter_map(repeats).collect();
+        assert!(
+            rows.len() <= more && rows.iter().sum::<u32>() == 3,
+            "{most}: {rest}"
+        );
+    }
+}
+
 /// The rest goes with what is measured: together they prediction what `next` says, and as much as a plan of all
 /// that was made at once, since planning does not depend on the compliances.
 #[test]
