@@ -161,6 +161,8 @@ pub enum Mark {
     Line,
     /// A dashed line.
     Dashed,
+    /// A line with a dot at each point.
+    Dotted,
     /// A filled circle.
     Dot,
     /// An open circle.
@@ -192,7 +194,9 @@ impl Mark {
             Self::Square => ("M-10-10h20v20h-20z", None),
             Self::Triangle => ("M-13 10h26L0-13z", None),
             Self::Diamond => ("M-14 0L0-14 14 0 0 14z", None),
-            Self::Line | Self::Dashed | Self::Segments(_) | Self::Area(_) => return None,
+            Self::Line | Self::Dashed | Self::Dotted | Self::Segments(_) | Self::Area(_) => {
+                return None;
+            }
         })
     }
 }
@@ -240,10 +244,10 @@ impl Series {
         [lines, Self::new("", colour, Mark::Disc, [(value, y)])]
     }
 
-    /// Its picture of points in units of the drawing.
-    fn picture(&self, places: &[(f64, f64)]) -> String {
+    /// Points in units of the drawing by a mark in its colour.
+    fn picture(&self, mark: Mark, places: &[(f64, f64)]) -> String {
         let colour = self.colour;
-        if let Some((outline, thick)) = self.mark.symbol() {
+        if let Some((outline, thick)) = mark.symbol() {
             let style = thick.map_or_else(
                 || format!("fill=\"{colour}\""),
                 |thick| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\""),
@@ -262,7 +266,7 @@ impl Series {
                 "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\"{dashes} d=\"{d}\"/>\n"
             )
         };
-        match self.mark {
+        match mark {
             _ if places.is_empty() => String::new(),
             Mark::Area(opacity) => format!(
                 "<path fill=\"{colour}\" fill-opacity=\"{opacity}\" d=\"{}z\"/>\n",
@@ -273,6 +277,7 @@ impl Series {
                 line(thick, &pairs, "")
             }
             Mark::Dashed => line(3.0, &path(places), " stroke-dasharray=\"10 7\""),
+            Mark::Dotted => line(3.0, &path(places), "") + &self.picture(Mark::Dot, places),
             _ => line(3.0, &path(places), ""),
         }
     }
@@ -376,7 +381,7 @@ impl Chart {
         let mut tips = String::new();
         for each in &self.series {
             let places: Vec<_> = each.points.iter().map(|point| plane.at(*point)).collect();
-            svg += &each.picture(&places);
+            svg += &each.picture(each.mark, &places);
             for ((x, y), words) in places.iter().zip(&each.tips) {
                 let words = escaped(words);
                 let _ = writeln!(
@@ -540,8 +545,8 @@ impl<'a> Plane<'a> {
             };
             let y = y + 0.5 * LINE;
             svg += &match each.mark.symbol() {
-                Some(_) => each.picture(&[(x + 17.0, y)]),
-                None => each.picture(&[(x, y), (x + 34.0, y)]),
+                Some(_) => each.picture(each.mark, &[(x + 17.0, y)]),
+                None => each.picture(each.mark, &[(x, y), (x + 34.0, y)]),
             };
             svg += &text((x + 48.0, y + 0.35 * TEXT), &each.name, "");
         }

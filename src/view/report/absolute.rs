@@ -13,7 +13,7 @@ use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::dash;
 use crate::view::card::Card;
-use crate::view::markup::{PageError, micro_sign, rendered};
+use crate::view::markup::{PageError, Templates, micro_sign};
 use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -67,7 +67,8 @@ pub fn absolute_page(
         Some(_) => "calibration report",
         None => "plan of absolute readings",
     };
-    rendered(&format!("{}: {tab}", scenario.name), "readings.html", &json)
+    let title = format!("{}: {tab}", scenario.name);
+    Templates::new()?.page(&title, "readings.html", &json)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
