@@ -129,6 +129,12 @@ pub fn with_unbroken_vectors(text: &str) -> String {
     parts.map(whole).collect()
 }
 
+/// What a terminal says in the letters of a page.
+pub fn for_page(text: &str) -> String {
+    text.replace(" um", "\u{a0}\u{b5}m")
+        .replace(" +- ", " \u{b1} ")
+}
+
 /// A unit as pages print it, not as terminals do.
 pub fn micro_sign(unit: &str) -> String {
     unit.replace("1e-6 ", "\u{b5}").replace("um", "\u{b5}m")

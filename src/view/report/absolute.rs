@@ -13,7 +13,7 @@ use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::dash;
 use crate::view::card::Card;
-use crate::view::markup::{PageError, Templates, micro_sign};
+use crate::view::markup::{PageError, Templates, for_page, micro_sign};
 use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -75,7 +75,7 @@ pub fn absolute_page(
 fn of_trials(trials: &RobotTrials) -> Value {
     let lines = lines(std::slice::from_ref(&trials.runs), |_, _| false);
     json!({
-        "outcome": trials.outcome(),
+        "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,
         "figure": distances_figure(&lines),
         "table": numbers(&lines),
