@@ -328,7 +328,7 @@ mod tests {
         let centre = (mesh.vertices.iter())
             .map(|each| each.coords)
             .sum::<Vector3<f64>>()
-            / 8.0;
+            / mesh.vertices.len() as f64;
         assert!((centre - Vector3::new(1.0, 2.0, 3.0)).amax() < 1e-12);
         let high = (mesh.vertices.iter())
             .map(|vertex| vertex.x)
