@@ -26,8 +26,9 @@ build: setup ## build the program: target/release/elastocal
 docs: build ## run the commands of README and docs/, and compare what they print with what the pages say
 	tools/try-docs
 
-gallery: build ## make the pictures of docs/gallery.md anew (names of scenarios in ARGS), two minutes
+gallery: build ## make the pictures of docs/ anew (names of scenarios, demo or study in ARGS), three minutes; needs xvfb, mesa-vulkan-drivers
 	@tools/install-chromium
+	@tools/install-rerun
 	tools/gallery $(ARGS)
 
 python: build ## install the Python package's wheel into .python/ and test it beside the program

@@ -21,6 +21,8 @@ const LINE: f64 = 46.0;
 /// The space around a drawing, and the height of its title.
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 50.0;
+/// Where a logarithmic axis of numbers of measurements has numbers, as far as they are whole.
+const COUNTS: [f64; 9] = [1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
 /// Longer names are cut.
 const LONGEST_NAME: usize = 26;
 
@@ -96,13 +98,7 @@ impl ChartAxis {
 
     /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
     pub fn logarithmic(range: Range<f64>) -> Self {
-        let at = |factors: &[f64]| -> Vec<f64> {
-            let powers = (-12..12).map(f64::from);
-            powers
-                .flat_map(|power| factors.iter().map(move |factor| factor.log10() + power))
-                .filter(|tick| range.contains(tick))
-                .collect()
-        };
+        let at = |factors: &[f64]| logarithms(&range, factors);
         let (mut major, mut minor) = (at(&[1.0, 2.0, 5.0]), at(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]));
         // Where these are few, all have numbers; where those are, round numbers in between.
         if major.len() < 3 {
@@ -112,7 +108,6 @@ impl ChartAxis {
             let ends = 10_f64.powf(range.start)..10_f64.powf(range.end);
             major = ticks(&ends, 6).into_iter().map(f64::log10).collect();
         }
-        let numbered = |tick: f64| (tick, listed([10_f64.powf(tick)], 4));
         Self {
             range,
             ticks: major.into_iter().map(numbered).collect(),
@@ -141,6 +136,20 @@ pub fn reach(values: impl IntoIterator<Item = f64>, share: f64, least: f64) -> R
     low - margin..high + margin
 }
 
+/// The logarithms in a range of these numbers and of their products with powers of ten.
+fn logarithms(range: &Range<f64>, factors: &[f64]) -> Vec<f64> {
+    let powers = (-12..12).map(f64::from);
+    powers
+        .flat_map(|power| factors.iter().map(move |factor| factor.log10() + power))
+        .filter(|tick| range.contains(tick))
+        .collect()
+}
+
+/// A tick at a logarithm, with the number.
+fn numbered(tick: f64) -> (f64, String) {
+    (tick, listed([10_f64.powf(tick)], 4))
+}
+
 /// About so many round ticks in a range.
 fn ticks(range: &Range<f64>, about: u32) -> Vec<f64> {
     let rough = ((range.end - range.start) / f64::from(about)).max(f64::MIN_POSITIVE);
@@ -161,6 +170,8 @@ pub enum Mark {
     Line,
     /// A dashed line.
     Dashed,
+    /// A line with a dot at each point.
+    Dotted,
     /// A filled circle.
     Dot,
     /// An open circle.
@@ -192,7 +203,9 @@ impl Mark {
             Self::Square => ("M-10-10h20v20h-20z", None),
             Self::Triangle => ("M-13 10h26L0-13z", None),
             Self::Diamond => ("M-14 0L0-14 14 0 0 14z", None),
-            Self::Line | Self::Dashed | Self::Segments(_) | Self::Area(_) => return None,
+            Self::Line | Self::Dashed | Self::Dotted | Self::Segments(_) | Self::Area(_) => {
+                return None;
+            }
         })
     }
 }
@@ -240,10 +253,10 @@ impl Series {
         [lines, Self::new("", colour, Mark::Disc, [(value, y)])]
     }
 
-    /// Its picture of points in units of the drawing.
-    fn picture(&self, places: &[(f64, f64)]) -> String {
+    /// Points in units of the drawing by a mark in its colour.
+    fn picture(&self, mark: Mark, places: &[(f64, f64)]) -> String {
         let colour = self.colour;
-        if let Some((outline, thick)) = self.mark.symbol() {
+        if let Some((outline, thick)) = mark.symbol() {
             let style = thick.map_or_else(
                 || format!("fill=\"{colour}\""),
                 |thick| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\""),
@@ -262,7 +275,7 @@ impl Series {
                 "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\"{dashes} d=\"{d}\"/>\n"
             )
         };
-        match self.mark {
+        match mark {
             _ if places.is_empty() => String::new(),
             Mark::Area(opacity) => format!(
                 "<path fill=\"{colour}\" fill-opacity=\"{opacity}\" d=\"{}z\"/>\n",
@@ -273,6 +286,7 @@ impl Series {
                 line(thick, &pairs, "")
             }
             Mark::Dashed => line(3.0, &path(places), " stroke-dasharray=\"10 7\""),
+            Mark::Dotted => line(3.0, &path(places), "") + &self.picture(Mark::Dot, places),
             _ => line(3.0, &path(places), ""),
         }
     }
@@ -333,10 +347,9 @@ impl Chart {
             ChartAxis::logarithmic(reach(values, 0.05, 0.02))
         };
         let mut axes = [axis(|point| point.0), axis(|point| point.1)];
-        let is_whole = |tick: f64| (10_f64.powf(tick) + 0.5).fract() - 0.5;
-        axes[0]
-            .ticks
-            .retain(|(tick, _)| is_whole(*tick).abs() < 1e-9);
+        let is_whole = |tick: &f64| ((10_f64.powf(*tick) + 0.5).fract() - 0.5).abs() < 1e-9;
+        let counts = logarithms(&axes[0].range, &COUNTS).into_iter();
+        axes[0].ticks = counts.filter(is_whole).map(numbered).collect();
         let error = "\u{3c1}\u{2080}, rms residual error [\u{b5}m]";
         Self::new(axes, ["measurements", error], series)
     }
@@ -376,7 +389,7 @@ impl Chart {
         let mut tips = String::new();
         for each in &self.series {
             let places: Vec<_> = each.points.iter().map(|point| plane.at(*point)).collect();
-            svg += &each.picture(&places);
+            svg += &each.picture(each.mark, &places);
             for ((x, y), words) in places.iter().zip(&each.tips) {
                 let words = escaped(words);
                 let _ = writeln!(
@@ -540,8 +553,8 @@ impl<'a> Plane<'a> {
             };
             let y = y + 0.5 * LINE;
             svg += &match each.mark.symbol() {
-                Some(_) => each.picture(&[(x + 17.0, y)]),
-                None => each.picture(&[(x, y), (x + 34.0, y)]),
+                Some(_) => each.picture(each.mark, &[(x + 17.0, y)]),
+                None => each.picture(each.mark, &[(x, y), (x + 34.0, y)]),
             };
             svg += &text((x + 48.0, y + 0.35 * TEXT), &each.name, "");
         }

@@ -28,43 +28,59 @@ const STYLE: &str = include_str!("pages/style.css");
 #[error("the page could not be made: {0:#}")]
 pub struct PageError(#[from] minijinja::Error);
 
-/// A page, which loads nothing, of a template and what it shows; the title stands on the browser's tab.
-///
-/// # Errors
-/// See [`PageError`].
-pub fn rendered(title: &str, template: &str, shown: &impl Serialize) -> Result<String, PageError> {
-    let body = filled(template, shown)?;
-    filled(
-        "page.html",
-        &json!({ "title": title, "style": STYLE, "body": body }),
-    )
-}
+/// The templates of one page or picture.
+pub struct Templates(Environment<'static>);
 
-/// A template with what it shows.
-///
-/// # Errors
-/// The template asks for what is not there.
-pub fn filled(template: &str, shown: &impl Serialize) -> Result<String, PageError> {
-    let mut pages = Environment::new();
-    pages.set_undefined_behavior(UndefinedBehavior::Strict);
-    pages.set_trim_blocks(true);
-    pages.set_lstrip_blocks(true);
-    pages.set_keep_trailing_newline(true);
-    pages.set_auto_escape_callback(|_| AutoEscape::Html);
-    pages.set_formatter(written);
-    pages.add_filter("counted", |count: u64, what: String| counted(count, &what));
-    pages.add_filter("duration", duration);
-    pages.add_filter("um", micrometres);
-    pages.add_filter("number", number);
-    pages.add_filter("percent", percent);
-    pages.add_filter("significant", |value: Option<f64>, digits: usize| {
-        value.map_or_else(dash, |value| significant(value, digits))
-    });
-    pages.add_filter("unit", |text: String| micro_sign(&text));
-    for (name, text) in TEMPLATES {
-        pages.add_template(name, text)?;
+impl Templates {
+    /// With the words and roundings that they use.
+    ///
+    /// # Errors
+    /// None of the templates that the tests fill.
+    pub fn new() -> Result<Self, PageError> {
+        let mut pages = Environment::new();
+        pages.set_undefined_behavior(UndefinedBehavior::Strict);
+        pages.set_trim_blocks(true);
+        pages.set_lstrip_blocks(true);
+        pages.set_keep_trailing_newline(true);
+        pages.set_auto_escape_callback(|_| AutoEscape::Html);
+        pages.set_formatter(written);
+        pages.add_filter("counted", |count: u64, what: String| counted(count, &what));
+        pages.add_filter("duration", duration);
+        pages.add_filter("um", micrometres);
+        pages.add_filter("number", number);
+        pages.add_filter("percent", percent);
+        pages.add_filter("significant", |value: Option<f64>, digits: usize| {
+            value.map_or_else(dash, |value| significant(value, digits))
+        });
+        pages.add_filter("unit", |text: String| micro_sign(&text));
+        for (name, text) in TEMPLATES {
+            pages.add_template(name, text)?;
+        }
+        Ok(Self(pages))
     }
-    Ok(pages.get_template(template)?.render(shown)?)
+
+    /// A template with what it shows.
+    ///
+    /// # Errors
+    /// The template asks for what is not there.
+    pub fn filled(&self, template: &str, shown: &impl Serialize) -> Result<String, PageError> {
+        Ok(self.0.get_template(template)?.render(shown)?)
+    }
+
+    /// A page, which loads nothing, of a template and what it shows; the title stands on the browser's tab.
+    ///
+    /// # Errors
+    /// See [`Templates::filled`].
+    pub fn page(
+        &self,
+        title: &str,
+        template: &str,
+        shown: &impl Serialize,
+    ) -> Result<String, PageError> {
+        let body = self.filled(template, shown)?;
+        let page = json!({ "title": title, "style": STYLE, "body": body });
+        self.filled("page.html", &page)
+    }
 }
 
 /// Writes a value into a page: text is escaped, and what is not there is nothing.
@@ -111,6 +127,12 @@ pub fn with_unbroken_vectors(text: &str) -> String {
         }
     };
     parts.map(whole).collect()
+}
+
+/// What a terminal says in the letters of a page.
+pub fn for_page(text: &str) -> String {
+    text.replace(" um", "\u{a0}\u{b5}m")
+        .replace(" +- ", " \u{b1} ")
 }
 
 /// A unit as pages print it, not as terminals do.

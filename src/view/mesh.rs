@@ -1,13 +1,16 @@
 //! The model's shapes as triangles, which both recordings draw.
 
-use std::f64::consts::{FRAC_PI_2, TAU};
+use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::mujoco::Shape;
 
-/// Facets around a round shape.
-const SEGMENTS: u32 = 32;
+/// Facets around a shape, and the direction of the first edge between them (facets).
+type Facets = (u32, f64);
+/// Of round shapes, and of a box, whose edges are in the directions of its corners.
+const ROUND: Facets = (32, 0.0);
+const SQUARE: Facets = (4, 0.5);
 /// Half the side of the square that stands for a plane (m).
 const PLANE_HALF_M: f64 = 5.0;
 /// Faces that meet at less than this angle are shaded as one smooth surface (rad).
@@ -37,22 +40,17 @@ pub struct ShadedMesh {
 impl Mesh {
     /// The surface of a shape in its own frame: closed, but for a plane, which becomes a square.
     pub fn new(shape: &Shape) -> Self {
+        let prism =
+            |r: f64, facets| revolve(&[(0.0, -1.0), (r, -1.0), (r, 1.0), (0.0, 1.0)], facets);
         match shape {
             Shape::Plane => sheet(),
-            Shape::Sphere(radius) => revolve(&half_circle(*radius, 0.0)),
-            Shape::Capsule(radius, half_length) => revolve(&half_circle(*radius, *half_length)),
-            Shape::Cylinder(radius, half_length) => {
-                let (r, z) = (*radius, *half_length);
-                revolve(&[(0.0, -z), (r, -z), (r, z), (0.0, z)])
+            Shape::Sphere(r) => revolve(&half_circle(*r, 0.0), ROUND),
+            Shape::Capsule(r, half_length) => revolve(&half_circle(*r, *half_length), ROUND),
+            Shape::Cylinder(r, half_length) => {
+                scaled(prism(1.0, ROUND), &Vector3::new(*r, *r, *half_length))
             }
-            Shape::Ellipsoid(semi_axes) => {
-                let mut ball = revolve(&half_circle(1.0, 0.0));
-                for vertex in &mut ball.vertices {
-                    vertex.coords.component_mul_assign(semi_axes);
-                }
-                ball
-            }
-            Shape::Box(half_sizes) => cuboid(half_sizes),
+            Shape::Ellipsoid(axes) => scaled(revolve(&half_circle(1.0, 0.0), ROUND), axes),
+            Shape::Box(half_sizes) => scaled(prism(SQRT_2, SQUARE), half_sizes),
             Shape::Mesh(vertices, triangles) => Self {
                 vertices: (vertices.iter())
                     .map(|vertex| Point3::from(*vertex).cast())
@@ -144,39 +142,17 @@ fn sheet() -> Mesh {
     }
 }
 
-/// Bit k of a corner's number says on which side of axis k it lies.
-fn cuboid(half_sizes: &Vector3<f64>) -> Mesh {
-    let corner = |number: u32| {
-        let side = |axis: usize| {
-            let half = half_sizes[axis];
-            if number & (1 << axis) == 0 {
-                -half
-            } else {
-                half
-            }
-        };
-        Point3::new(side(0), side(1), side(2))
-    };
-    let faces: [[u32; 4]; 6] = [
-        [0, 4, 6, 2],
-        [1, 3, 7, 5],
-        [0, 1, 5, 4],
-        [2, 6, 7, 3],
-        [0, 2, 3, 1],
-        [4, 5, 7, 6],
-    ];
-    Mesh {
-        vertices: (0..8).map(corner).collect(),
-        triangles: (faces.iter())
-            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
-            .collect(),
+fn scaled(mut mesh: Mesh, axes: &Vector3<f64>) -> Mesh {
+    for vertex in &mut mesh.vertices {
+        vertex.coords.component_mul_assign(axes);
     }
+    mesh
 }
 
 /// Radius and height along a half circle from the lower to the upper pole, with a straight part of
 /// twice the half length between its two quarters.
 fn half_circle(radius: f64, half_length: f64) -> Vec<(f64, f64)> {
-    let steps = SEGMENTS / 4;
+    let steps = ROUND.0 / 4;
     let quarter = |step: u32| f64::from(step) / f64::from(steps) * FRAC_PI_2;
     let lower = (0..=steps).map(|step| {
         let (sin, cos) = quarter(step).sin_cos();
@@ -193,29 +169,29 @@ fn half_circle(radius: f64, half_length: f64) -> Vec<(f64, f64)> {
 
 /// Turns a profile of radius and height about the z axis; its first and last point lie on the axis
 /// and it goes upwards.
-fn revolve(profile: &[(f64, f64)]) -> Mesh {
+fn revolve(profile: &[(f64, f64)], (facets, first): Facets) -> Mesh {
     let [(_, bottom), rings @ .., (_, top)] = profile else {
         return Mesh::default();
     };
     let mut vertices = vec![Point3::new(0.0, 0.0, *bottom), Point3::new(0.0, 0.0, *top)];
     for (radius, z) in rings {
-        vertices.extend((0..SEGMENTS).map(|segment| {
-            let (sin, cos) = (f64::from(segment) / f64::from(SEGMENTS) * TAU).sin_cos();
+        vertices.extend((0..facets).map(|facet| {
+            let (sin, cos) = ((f64::from(facet) + first) / f64::from(facets) * TAU).sin_cos();
             Point3::new(radius * cos, radius * sin, *z)
         }));
     }
-    let at = |ring: u32, segment: u32| 2 + ring * SEGMENTS + segment % SEGMENTS;
+    let at = |ring: u32, facet: u32| 2 + ring * facets + facet % facets;
     let last = count(rings.len()) - 1;
     let mut triangles = Vec::new();
-    for segment in 0..SEGMENTS {
-        let next = segment + 1;
-        triangles.push([0, at(0, next), at(0, segment)]);
+    for facet in 0..facets {
+        let next = facet + 1;
+        triangles.push([0, at(0, next), at(0, facet)]);
         for ring in 0..last {
-            let [a, b] = [at(ring, segment), at(ring, next)];
-            let [c, d] = [at(ring + 1, next), at(ring + 1, segment)];
+            let [a, b] = [at(ring, facet), at(ring, next)];
+            let [c, d] = [at(ring + 1, next), at(ring + 1, facet)];
             triangles.extend([[a, b, c], [a, c, d]]);
         }
-        triangles.push([1, at(last, segment), at(last, next)]);
+        triangles.push([1, at(last, facet), at(last, next)]);
     }
     Mesh {
         vertices,
@@ -338,7 +314,8 @@ mod tests {
             assert!(apart < 1e-3, "{vertex}: {normal}");
         }
         let cuboid = Mesh::new(&Shape::Box(Vector3::repeat(1.0))).shaded();
-        assert_eq!(cuboid.vertices.len(), 24);
+        // Four corners on each of six sides, and the middles of two.
+        assert_eq!(cuboid.vertices.len(), 26);
     }
 
     #[test]
@@ -351,7 +328,7 @@ mod tests {
         let centre = (mesh.vertices.iter())
             .map(|each| each.coords)
             .sum::<Vector3<f64>>()
-            / 8.0;
+            / mesh.vertices.len() as f64;
         assert!((centre - Vector3::new(1.0, 2.0, 3.0)).amax() < 1e-12);
         let high = (mesh.vertices.iter())
             .map(|vertex| vertex.x)

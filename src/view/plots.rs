@@ -32,10 +32,9 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint], wanted_m: f64) -> String
         // Beside each other, since many of them nearly agree.
         let aside = ASIDE.powf(index as f64 - middle);
         let beside = line.map(|point| micro(point, point.rho0_m));
-        let beside: Vec<(f64, f64)> = beside.map(|(m, rho0)| (m * aside, rho0)).collect();
+        let beside = beside.map(|(m, rho0)| (m * aside, rho0));
         let colour = COLOURS[index % COLOURS.len()];
-        series.push(Series::new("", colour, Mark::Dot, beside.clone()));
-        series.push(Series::new(&name, colour, Mark::Line, beside));
+        series.push(Series::new(&name, colour, Mark::Dotted, beside));
     }
     let mut bound: Vec<(f64, f64)> = (points.iter())
         .filter_map(|point| Some(micro(point, point.lower_bound_m()?)))
@@ -154,10 +153,8 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
     let top = all.fold(1e-9, |top: f64, (_, value)| top.max(*value));
     let [blue, orange, ..] = COLOURS;
     let series = vec![
-        Series::new("", blue, Mark::Dot, fitted.clone()),
-        Series::new("fitted readings", blue, Mark::Line, fitted),
-        Series::new("", orange, Mark::Dot, predicted.clone()),
-        Series::new("blocks that were not", orange, Mark::Line, predicted),
+        Series::new("fitted readings", blue, Mark::Dotted, fitted),
+        Series::new("blocks that were not", orange, Mark::Dotted, predicted),
         Series::new("recommended", INK, Mark::Ring, chosen),
     ];
     let axes = [

@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
-use super::markup::{PageError, rendered, with_unbroken_vectors};
+use super::markup::{PageError, Templates, with_unbroken_vectors};
 use super::stills::Stills;
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_gauge, set_up, take_off};
 use crate::observation::LengthKind;
@@ -32,7 +32,8 @@ pub fn run_sheet(
     let (task, laboratory) = (&scenario.task, &scenario.laboratory);
     let (instrument, commands) = (&task.belief.instrument, task.belief.commands());
     let plan = &stills.plan;
-    let pictures = stills.pictures()?;
+    let templates = Templates::new()?;
+    let pictures = stills.pictures(&templates)?;
     let places = places(&commands, campaign);
     let columns = columns(task);
     let place = |place: &Vec<usize>| {
@@ -89,7 +90,11 @@ pub fn run_sheet(
         "description": scenario.description,
         "path": scenario.path,
         "provenance": ProvenanceMessage::new(scenario),
-        "laboratory": laboratory_numbers(scenario),
+        "laboratory": {
+            "tool_number": laboratory.tool_number,
+            "base_number": laboratory.base_number,
+            "speed_percent": laboratory.speed_percent,
+        },
         "campaign": campaign_json(&commands, &laboratory.costs, campaign),
         "conditions": campaign.conditions(laboratory).iter().map(ToString::to_string).collect::<Vec<_>>(),
         "measurements": plan.measurements(),
@@ -108,16 +113,7 @@ pub fn run_sheet(
         "places": places.iter().map(place).collect::<Vec<_>>(),
         "groups": groups,
     });
-    rendered(&title, "run_sheet.html", &sheet)
-}
-
-fn laboratory_numbers(scenario: &Scenario) -> Value {
-    let laboratory = &scenario.laboratory;
-    json!({
-        "tool_number": laboratory.tool_number,
-        "base_number": laboratory.base_number,
-        "speed_percent": laboratory.speed_percent.to_string(),
-    })
+    templates.page(&title, "run_sheet.html", &sheet)
 }
 
 fn reads_positions(instrument: &Instrument) -> bool {

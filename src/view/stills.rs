@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use self::painter::{Camera, Painter};
 use self::scene::{Scene, Scenery};
-use super::markup::{PageError, filled, unbroken};
+use super::markup::{PageError, Templates, unbroken};
 use crate::experiment::Candidate;
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
@@ -96,7 +96,8 @@ impl<'a> Stills<'a> {
     /// See [`PageError`].
     pub fn figures(&self) -> Result<String, PageError> {
         let shown = json!({ "stills": self.shown(), "camera": self.camera.shown() });
-        Ok(turning::view(&self.scenery) + &filled("stills.html", &shown)?)
+        let stills = Templates::new()?.filled("stills.html", &shown)?;
+        Ok(turning::view(&self.scenery) + &stills)
     }
 
     /// The sheet as an SVG document.
@@ -133,21 +134,21 @@ impl<'a> Stills<'a> {
             "camera": self.camera.shown(),
             "stills": stills,
         });
-        filled("stills.svg", &sheet)
+        Templates::new()?.filled("stills.svg", &sheet)
     }
 
-    /// Pictures of each experiment, for one page.
+    /// Pictures of each experiment, for a page of these templates.
     ///
     /// # Errors
     /// See [`PageError`].
-    pub fn pictures(&self) -> Result<Vec<Pictures>, PageError> {
+    pub fn pictures(&self, templates: &Templates) -> Result<Vec<Pictures>, PageError> {
         let picture = |(index, scene): (usize, &Scene)| {
             let (number, mut still) = (index + 1, self.drawn(scene));
             let framed = |still: &Value, label: String, within: Option<[f64; 4]>| {
                 let camera = self.camera.shown();
                 let shown = json!({ "still": still, "camera": camera, "label": label, "box": within,
                     "is_first": index == 0 && within.is_none() });
-                filled("framed.svg", &shown)
+                templates.filled("framed.svg", &shown)
             };
             let label = format!("Where the load of experiment {number} hangs");
             let load = framed(&still, label, Some(close_up(&self.camera, scene)))?;
@@ -155,12 +156,8 @@ impl<'a> Stills<'a> {
             let unloaded = framed(&still, format!("Experiment {number} without load"), None)?;
             Ok(Pictures { unloaded, load })
         };
-        self.scenery
-            .scenes
-            .iter()
-            .enumerate()
-            .map(picture)
-            .collect()
+        let scenes = self.scenery.scenes.iter().enumerate();
+        scenes.map(picture).collect()
     }
 
     /// The numbers over a still: angles and loads, with what is read, and from where.

@@ -275,15 +275,11 @@ impl Recording {
             links.chain([stance.tool_m])
         });
         let places: Vec<Vector3<f64>> = places.collect();
-        let low = places
-            .iter()
-            .copied()
-            .reduce(|one, other| one.inf(&other))?;
-        let high = places
-            .iter()
-            .copied()
-            .reduce(|one, other| one.sup(&other))?;
-        let centre = (low + high) / 2.0;
+        let extreme = |of: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
+            let all = places.iter().copied();
+            all.reduce(|one, other| of(&one, &other))
+        };
+        let centre = (extreme(Vector3::inf)? + extreme(Vector3::sup)?) / 2.0;
         let radius = places.iter().map(|place| (place - centre).norm());
         let radius = radius.fold(0.0, f64::max);
         let reach: Vector3<f64> = stances().map(|stance| stance.tool_m).sum();

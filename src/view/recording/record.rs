@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::text::wording::naming;
 
 /// Plan, readings and results.
 #[derive(Debug, Clone)]
@@ -76,12 +77,9 @@ impl PlanRecord {
             return format!("experiment {number} of {rows}");
         };
         let row = record.plan.get(number - 1);
-        let target = row.and_then(|row| row.target.as_deref());
-        let station = row.and_then(|row| row.station.as_deref());
-        let target = target.map(|name| format!(": {name}"));
-        let station = station.map(|name| format!(" from {name}"));
-        let words: String = [target, station].into_iter().flatten().collect();
-        format!("row {number} of {rows}{words}")
+        let target = naming(row.and_then(|row| row.target.as_ref()), ": {}");
+        let station = naming(row.and_then(|row| row.station.as_ref()), " from {}");
+        format!("row {number} of {rows}{target}{station}")
     }
 
     /// The direction of a gauge in a row of the plan.
@@ -119,11 +117,18 @@ impl PlanRecord {
             ),
         };
         let residual_mm = residuals_mm.get(index).copied();
-        let vectors = [
+        let mut vectors = vec![
             ("true deflection [mm]", None, true_mm),
             (label, Some(group), read_mm),
             ("residual [mm]", Some("residual_mm"), residual_mm),
         ];
+        if let Self::Readings(record) = self {
+            let read = record.readings.get(index).and_then(|each| each.rotation);
+            let read_mrad = read.map(|turned| (turned.scaled_axis() * 1e3).into());
+            let residual_mrad = record.identification.rotation_residual_mrad(index);
+            vectors.push(("read, rotation [mrad]", None, read_mrad));
+            vectors.push(("rotation residual [mrad]", None, residual_mrad));
+        }
         let shown = |(label, group, whole_mm): (_, Option<_>, _)| {
             let (vector_mm, along_mm) = self.as_read(index, whole_mm)?;
             Some(ShownVector {
@@ -133,29 +138,7 @@ impl PlanRecord {
                 along_mm,
             })
         };
-        let mut shown: Vec<_> = vectors.into_iter().filter_map(shown).collect();
-        if let Self::Readings(record) = self {
-            let read = record.readings.get(index).and_then(|each| each.rotation);
-            let vectors = [
-                (
-                    "read, rotation [mrad]",
-                    read.map(|turned| (turned.scaled_axis() * 1e3).into()),
-                ),
-                (
-                    "rotation residual [mrad]",
-                    record.identification.rotation_residual_mrad(index),
-                ),
-            ];
-            shown.extend(vectors.into_iter().filter(|each| each.1.is_some()).map(
-                |(label, vector_mm)| ShownVector {
-                    label,
-                    group: None,
-                    vector_mm,
-                    along_mm: None,
-                },
-            ));
-        }
-        shown
+        vectors.into_iter().filter_map(shown).collect()
     }
 
     /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.

@@ -13,7 +13,7 @@ use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::wording::dash;
 use crate::view::card::Card;
-use crate::view::markup::{PageError, micro_sign, rendered};
+use crate::view::markup::{PageError, Templates, for_page, micro_sign};
 use crate::view::tables::{self, RecordTable};
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -67,14 +67,15 @@ pub fn absolute_page(
         Some(_) => "calibration report",
         None => "plan of absolute readings",
     };
-    rendered(&format!("{}: {tab}", scenario.name), "readings.html", &json)
+    let title = format!("{}: {tab}", scenario.name);
+    Templates::new()?.page(&title, "readings.html", &json)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Value {
     let lines = lines(std::slice::from_ref(&trials.runs), |_, _| false);
     json!({
-        "outcome": trials.outcome(),
+        "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,
         "figure": distances_figure(&lines),
         "table": numbers(&lines),

@@ -1,6 +1,7 @@
 //! The figures of a calibration's report.
 
 use crate::plan::search::BudgetPoint;
+use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::CalibrationMessage;
 use crate::text::wording::{listed, percent};
 use crate::view::charts::{
@@ -22,18 +23,18 @@ const AXES: [(&str, &str, Mark, f64); 4] = [
 
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
-pub fn accuracy_figure(
-    (points, repeated): (&[BudgetPoint], &[BudgetPoint]),
-    bounds_mm: &[Option<f64>],
-    own_experiments: u32,
-) -> String {
+pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> String {
+    let (points, bounds_mm) = (&evidence.accuracy, &evidence.lower_bounds_rho0_mm);
     let micro = |point: &BudgetPoint| (f64::from(point.experiments), point.rho0_m * 1e6);
     let own = (points.iter()).find(|point| point.experiments == own_experiments);
     let first = points.first().map_or(1.0, |point| micro(point).0);
     let bound = (1..).map(f64::from).zip(bounds_mm);
     let bound = bound.filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)));
     let bound = bound.filter(|(m, bound)| *m >= first && *bound > 0.0);
-    let (found, repeated) = (points.iter().map(micro), repeated.iter().map(micro));
+    let (found, repeated) = (
+        points.iter().map(micro),
+        evidence.repeated.iter().map(micro),
+    );
     let [blue, orange, ..] = COLOURS;
     let series = [
         Series::new("no plan is below", INK, Mark::Dashed, bound),
@@ -49,13 +50,12 @@ pub fn accuracy_figure(
 /// What is predicted along a path, or over a region (um), by the number of each pose, which has a name, and over all of them.
 pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) -> String {
     let numbers = || (1_u32..).map(f64::from).take(values_um.len());
-    let points: Vec<(f64, f64)> = numbers().zip(values_um.iter().copied()).collect();
+    let points = numbers().zip(values_um.iter().copied());
     let top = values_um.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * 1.12;
     let x = 0.0..values_um.len() as f64 + 1.0;
     let across = (over_all_um.into_iter()).flat_map(|all| [(x.start, all), (x.end, all)]);
     let across = Series::new("", INK, Mark::Dashed, across);
-    let line = Series::new("", COLOURS[0], Mark::Line, points.clone());
-    let dots = Series::new("", COLOURS[0], Mark::Dot, points);
+    let line = Series::new("", COLOURS[0], Mark::Dotted, points);
     let named = numbers().zip(names).collect::<Vec<_>>();
     let tip = |_: &str, x: f64, y: f64| {
         let name = named.iter().find(|(number, _)| *number >= x);
@@ -68,7 +68,7 @@ pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) 
     };
     let axes = [axis, ChartAxis::linear(0.0..top, 5)];
     let names = ["number of the test pose", "\u{3c1}\u{2080} [\u{b5}m]"];
-    let chart = Chart::new(axes, names, vec![across, line, dots.tipped(tip)]);
+    let chart = Chart::new(axes, names, vec![across, line.tipped(tip)]);
     chart.figure(WHOLE, "Accuracy along the test poses")
 }
 

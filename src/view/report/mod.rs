@@ -18,15 +18,13 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::card::Card;
-use super::markup::{PageError, rendered, unbroken};
+use super::markup::{PageError, Templates, unbroken};
 use super::tables::{self, RecordTable};
 use crate::codes::Condition;
-use crate::identification::ParameterGroup;
-use crate::plan::{Assessment, UncertaintyBudget};
-use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
-use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
+use crate::identification::{MeasurementResidual, ParameterGroup};
+use crate::plan::UncertaintyBudget;
+use crate::record::messages::{CalibrationMessage, MeasurementMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::task::Instrument;
 use crate::text::wording::{dash, joined, listed, micrometres, number, shell_path};
 use crate::workflow::run::RunOutcome;
 use cards::checks_card;
@@ -83,7 +81,6 @@ impl PlanPage<'_> {
             "path": shell_path(&scenario.path),
             "plan": shell_path(self.plan),
             "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
-            "more": null,
             "stills": self.stills,
             "reads_along": belief.instrument.reads_along(),
             "rows": RecordTable::new(&header, rows),
@@ -103,84 +100,52 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let mut cards = run_cards(scenario, outcome, own);
     cards.push(checks_card(shown, outcome));
     let poses = &calibration.test_poses;
+    let rho0_mm = assessment.rho0_m.map(|value| value * 1e3);
     let test_poses = (poses.len() > 1).then(|| {
         let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
-        let all_mm = assessment.rho0_m.map(|value| value * 1e3);
         let observed = Some((&**poses, "uncompensated"));
-        test_poses(&scenario.task.test_poses, &predicted_mm, all_mm, observed)
+        test_poses(&scenario.task.test_poses, &predicted_mm, rho0_mm, observed)
     });
     let budget = assessment.uncertainty_budget.as_ref();
     let rows = rows(shown.scenario.task.reads_along(), calibration);
-    let mut page = shown.shown(&cards, budget, test_poses.as_ref(), rows);
-    page["more"] = more_accurate(evidence, assessment).unwrap_or_default();
-    page["experiments"] = assessment.experiments.into();
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), rows);
     // Random plans come last.
     let lines = lines(&evidence.study, |place, _| {
         place + 1 == evidence.study.len()
     });
     let belief = &scenario.task.belief;
     let unit = belief.compliance_unit("1e-6");
-    let points = (&*evidence.accuracy, &*evidence.repeated);
-    let bounds_mm = &evidence.lower_bounds_rho0_mm;
     let shown = json!({
         "page": page,
+        "experiments": assessment.experiments,
+        "rho0_mm": rho0_mm,
         "evidence": evidence,
+        "calibration": calibration,
         "distances": { "figure": distances_figure(&lines), "table": numbers(&lines) },
         "compliances": {
             "figure": compliances_figure(calibration),
             "table": tables::compliances(calibration, &unit),
         },
-        "residuals": residuals(&belief.instrument, calibration),
+        "residuals": residuals_figure(&standardised(calibration)),
+        "both_sigmas": belief.instrument.both_sigmas(|value| micrometres(Some(value * 1e3))),
         "plans": tables::tried(&outcome.tried),
-        "criteria": criteria(&evidence.criteria_compared),
-        "accuracy": accuracy_figure(points, bounds_mm, assessment.experiments),
+        "accuracy": accuracy_figure(evidence, assessment.experiments),
     });
-    rendered(
-        &format!("{}: calibration report", scenario.name),
-        "run.html",
-        &shown,
-    )
+    let title = format!("{}: calibration report", scenario.name);
+    Templates::new()?.page(&title, "run.html", &shown)
 }
 
-/// The next larger plan that was searched.
-fn more_accurate(evidence: &EvidenceMessage, assessment: &Assessment) -> Option<Value> {
-    let is_larger = |m: u32| m > assessment.experiments;
-    let larger = (evidence.accuracy.iter()).find(|point| is_larger(point.experiments))?;
-    Some(json!({
-        "experiments": larger.experiments,
-        "reach_mm": larger.rho0_m * 1e3,
-        "rho0_mm": assessment.rho0_m.map(|value| value * 1e3),
-    }))
-}
-
-/// The accuracy of the best plan for each criterion, and the criteria by which searches did not agree.
-fn criteria(plans: &[CriterionPlanMessage]) -> Value {
-    let best = plans.first().and_then(|plan| plan.rho0_mm);
-    let largest = plans.iter().filter_map(|plan| plan.rho0_mm);
-    let largest = largest.fold(f64::MIN_POSITIVE, f64::max);
-    let name = |plan: &CriterionPlanMessage| {
-        let name = |name: &String| match name.as_str() {
-            "test_pose" => "test pose".to_owned(),
-            other => other.to_uppercase(),
-        };
-        joined(plan.criteria.iter().map(name), ", ")
+/// Of each measurement the residual's coordinates over their standard deviations, and along a gauge.
+fn standardised(calibration: &CalibrationMessage) -> Vec<[Option<f64>; 4]> {
+    let residuals = calibration.residuals.iter().zip(&calibration.measurements);
+    let each = |(residual, measured): (&MeasurementResidual, &MeasurementMessage)| {
+        let value = |row: usize| residual.standardised.get(row).copied().flatten();
+        match measured.direction {
+            Some(_) => [None, None, None, value(0)],
+            None => [value(0), value(1), value(2), None],
+        }
     };
-    let row = |plan: &CriterionPlanMessage| {
-        let more = plan.rho0_mm.zip(best).map(|(rho0, best)| rho0 / best - 1.0);
-        json!({
-            "name": name(plan),
-            "rho0_mm": plan.rho0_mm,
-            "fails": plan.rho0_mm.is_none() && plan.problem.is_some(),
-            "share": 100.0 * plan.rho0_mm.unwrap_or(0.0) / largest,
-            "more": more.unwrap_or(0.0),
-        })
-    };
-    let alone =
-        |plan: &&CriterionPlanMessage| plan.searches_agreeing.is_some_and(|count| count < 2);
-    json!({
-        "rows": plans.iter().map(row).collect::<Vec<_>>(),
-        "rough": plans.iter().filter(alone).map(name).collect::<Vec<_>>(),
-    })
+    residuals.map(each).collect()
 }
 
 /// The rows of what is measured, with their name and the names of their own columns.
@@ -207,30 +172,6 @@ fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<Strin
         row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
     }
     row
-}
-
-/// What the fit leaves of each measurement.
-fn residuals(instrument: &Instrument, calibration: &CalibrationMessage) -> Value {
-    let identification = &calibration.identification;
-    let residuals = || calibration.residuals.iter();
-    let standardised = residuals()
-        .zip(&calibration.measurements)
-        .map(|(each, measured)| {
-            let value = |row: usize| each.standardised.get(row).copied().flatten();
-            match measured.direction {
-                Some(_) => [None, None, None, value(0)],
-                None => [value(0), value(1), value(2), None],
-            }
-        });
-    json!({
-        "figure": residuals_figure(&standardised.collect::<Vec<_>>()),
-        "numbers": residuals().map(|each| each.standardised.len()).sum::<usize>(),
-        "effective": residuals().map(|each| each.leverage).sum::<f64>(),
-        "both": instrument.both_sigmas(|value| micrometres(Some(value * 1e3))),
-        "sigma_mm": identification.sigma_mm,
-        "residual_sigma_mm": identification.residual_sigma_mm,
-        "consistency": identification.consistency,
-    })
 }
 
 /// What comes several times, once.

@@ -11,7 +11,7 @@ use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
 use crate::text::wording::{counted, inverse_interval, joined, micrometres, number};
 use crate::view::card::Card;
-use crate::view::markup::{PageError, rendered};
+use crate::view::markup::{PageError, Templates, for_page};
 
 /// What the page of a study is made of.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +55,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
         "command": study.command,
     });
     let title = format!("{}: study", header.provenance.scenario);
-    rendered(&title, "study.html", &shown)
+    Templates::new()?.page(&title, "study.html", &shown)
 }
 
 /// The verdict of each plan whose scenario lists what is uncertain, and a row for each source with the contributions to all plans; the
@@ -63,7 +63,8 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
 fn sources(plans: &[StudyPlanMessage]) -> Value {
     let verdicts = plans.iter().filter_map(|runs| {
         let validation = joined(runs.validation.iter().map(|each| format!(" {each}.")), "");
-        Some(format!("{}: {}.{validation}", runs.name, runs.outcome()?))
+        let verdict = for_page(&format!("{}.{validation}", runs.outcome()?));
+        Some(format!("{}: {verdict}", runs.name))
     });
     let listed: Vec<&StudyPlanMessage> = (plans.iter())
         .filter(|plan| plan.outcome().is_some() && !plan.contributions.is_empty())

@@ -19,13 +19,12 @@ pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Log
     for body in &recording.surroundings {
         stream.log_static(
             entity_path!["world", "surroundings", body.name],
-            &mesh(body),
+            &mesh(body, true),
         )?;
     }
     for body in &recording.links {
         if body.only_with.is_none() {
-            stream.log_static(link_path("robot", body), &mesh(body))?;
-            stream.log_static(link_path("loaded", body), &plain_mesh(body))?;
+            put_on(stream, body, true)?;
         }
     }
     Ok(())
@@ -76,16 +75,24 @@ fn link_path(arm: &str, body: &Body) -> EntityPath {
     entity_path!["world", arm, body.name]
 }
 
-/// Takes the tool that was at work off the arm and puts the other one on.
+/// Draws a link of both arms.
+fn put_on(stream: &RecordingStream, body: &Body, is_static: bool) -> Logged {
+    for (arm, has_colours) in [("robot", true), ("loaded", false)] {
+        let mesh = mesh(body, has_colours);
+        stream.log_with_static(link_path(arm, body), is_static, &mesh)?;
+    }
+    Ok(())
+}
+
+/// Takes the tool that was at work off the arms and puts the other one on.
 fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -> Logged {
     for (body, is_on) in recording.tools(tool) {
         if is_on {
-            stream.log(link_path("robot", body), &mesh(body))?;
-            stream.log(link_path("loaded", body), &plain_mesh(body))?;
-        } else {
-            for arm in ["robot", "loaded"] {
-                stream.log(link_path(arm, body), &Mesh3D::clear_fields())?;
-            }
+            put_on(stream, body, false)?;
+            continue;
+        }
+        for arm in ["robot", "loaded"] {
+            stream.log(link_path(arm, body), &Mesh3D::clear_fields())?;
         }
     }
     Ok(())
@@ -108,28 +115,26 @@ fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Log
     Ok(())
 }
 
-/// All of a body in the model's colours.
-fn mesh(body: &Body) -> Mesh3D {
-    let colours = body.surfaces.iter().flat_map(|surface| {
-        let vertices = surface.mesh.shaded().vertices.len();
-        std::iter::repeat_n(surface.rgba.map(byte), vertices)
-    });
-    plain_mesh(body).with_vertex_colors(colours)
-}
-
-/// All of a body without colours.
-fn plain_mesh(body: &Body) -> Mesh3D {
+/// All of a body, in the model's colours or without any.
+fn mesh(body: &Body, has_colours: bool) -> Mesh3D {
     let (mut vertices, mut normals, mut triangles) = (Vec::new(), Vec::new(), Vec::new());
+    let mut colours = Vec::new();
     for surface in &body.surfaces {
         let shaded = surface.mesh.shaded();
         let first = u32::try_from(vertices.len()).unwrap_or(u32::MAX);
         triangles.extend((shaded.triangles.iter()).map(|each| each.map(|corner| first + corner)));
         vertices.extend(shaded.vertices.iter().map(|vertex| single(&vertex.coords)));
         normals.extend(shaded.normals.iter().map(single));
+        colours.resize(vertices.len(), surface.rgba.map(byte));
     }
-    Mesh3D::new(vertices)
+    let mesh = Mesh3D::new(vertices)
         .with_vertex_normals(normals)
-        .with_triangle_indices(triangles)
+        .with_triangle_indices(triangles);
+    if has_colours {
+        mesh.with_vertex_colors(colours)
+    } else {
+        mesh
+    }
 }
 
 fn transform(pose: &Isometry3<f64>) -> Transform3D {

@@ -20,8 +20,9 @@ use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// The timeline of the number of runs so far.
 const RUN: &str = "run";
-/// The opacity of bars, which lie over one another.
-const BAR_ALPHA: u8 = 150;
+/// The opacity of lines, and that of bars, which lie over one another.
+const OPAQUE: u32 = 255;
+const BAR_ALPHA: u32 = 150;
 
 /// No more plans than these have a tab for their distribution.
 const MOST_TABS: usize = 30;
@@ -93,8 +94,7 @@ impl StudyStream {
                 stream.log(mean_path(&plan.name), &Scalars::new(values))?;
             }
             if let Some(bars) = bars(&plan.histogram) {
-                let [red, green, blue] = colour;
-                let bars = bars.with_color([red, green, blue, BAR_ALPHA]);
+                let bars = bars.with_color(colour - OPAQUE + BAR_ALPHA);
                 stream.log(distance_path(&plan.name), &bars)?;
             }
         }
@@ -186,12 +186,12 @@ fn distance_path(plan: &str) -> EntityPath {
     entity_path!["distance_um", plan.to_owned()]
 }
 
-/// The plans' colours, as on the study's page.
-fn colours(study: &StudyRecording) -> impl Iterator<Item = [u8; 3]> {
+/// The plans' colours, as on the study's page: bytes of red, green, blue and opacity.
+fn colours(study: &StudyRecording) -> impl Iterator<Item = u32> {
     let plans = study.header.plans.iter().enumerate();
     let colours = plan_colours(plans.map(|(place, plan)| plan.reference == Some(place)));
-    let part = |colour: &str, from: usize| u8::from_str_radix(&colour[from..from + 2], 16);
-    (colours.into_iter()).map(move |colour| [1, 3, 5].map(|from| part(colour, from).unwrap_or(0)))
+    let rgb = |colour: &str| u32::from_str_radix(&colour[1..], 16).unwrap_or(0);
+    (colours.into_iter()).map(move |colour| (rgb(colour) << 8) + OPAQUE)
 }
 
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would
