@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use crate::experiment::{Experiment, write_candidates};
 use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
-use crate::measurement::{Origin, read_measured_so_far, read_measurements_so_far};
+use crate::measurement::{Origin, read_measured_so_far};
 use crate::plan::absolute::{
     AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
 };
@@ -84,7 +84,8 @@ impl Next {
     /// Of deflections.
     fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
-        let measurements = read_measurements_so_far(&self.measurements, &task.belief)?;
+        let measurements = read_measured_so_far(&self.measurements, &task.belief)?
+            .deflections(&self.measurements)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
         let belief = &task.belief;

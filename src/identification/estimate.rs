@@ -239,14 +239,21 @@ impl Case<'_> {
 impl Estimate {
     /// Of one of the parameters, whose interval is so many standard errors to either side; `None` where it is not determined.
     fn of(posterior: &Posterior, index: usize, quantile: f64) -> Option<Self> {
-        let standard_error = posterior.standard_error(index)?;
-        let value = posterior.mean[index];
-        let half = quantile * standard_error;
-        Some(Self {
-            value,
-            standard_error,
-            interval95: [value - half, value + half],
-        })
+        let estimate = Self {
+            value: posterior.mean[index],
+            standard_error: posterior.standard_error(index)?,
+            interval95: [0.0; 2],
+        };
+        Some(estimate.within(quantile))
+    }
+
+    /// The same with an interval of so many standard errors to either side.
+    pub(super) fn within(self, quantile: f64) -> Self {
+        let half = quantile * self.standard_error;
+        Self {
+            interval95: [self.value - half, self.value + half],
+            ..self
+        }
     }
 }
 

@@ -209,7 +209,11 @@ impl<'a> Case<'a> {
             }
             identification = fitted.identification.clone();
             identification.discrepancy = discrepancy;
-            identification.widen(fitted.over.freedom);
+            // Intervals as wide as they are where the variance is known from so many degrees of freedom only.
+            let quantile = two_sided_student(fitted.over.freedom);
+            for each in &mut identification.parameters {
+                each.estimate = each.estimate.map(|estimate| estimate.within(quantile));
+            }
             // How far residuals are from what is believed is told of that.
             identification.sigma_m = plain.sigma_m;
             identification.residual_sigma_m = plain.residual_sigma_m;
@@ -326,17 +330,5 @@ impl<'a> Case<'a> {
         )?;
         fitted.over.rejected = rejected;
         Some(fitted)
-    }
-}
-
-impl Identification {
-    /// Intervals as wide as they are where the variance is known from so many degrees of freedom only.
-    fn widen(&mut self, freedom: f64) {
-        let quantile = two_sided_student(freedom);
-        let estimates = self.parameters.iter_mut().map(|each| &mut each.estimate);
-        for estimate in estimates.flatten() {
-            let half = quantile * estimate.standard_error;
-            estimate.interval95 = [estimate.value - half, estimate.value + half];
-        }
     }
 }

@@ -19,10 +19,7 @@ use crate::robot::{Approach, CommandPose, Load};
 pub use absolute::AbsoluteReading;
 pub use columns::{POSITION, QUATERNION, rotation_of};
 pub use origin::{CONTROLLER_COMPENSATES, Origin, SimulatedRun, controller_compensates};
-pub use read::{
-    MeasuredArm, MeasuredFile, read_measured, read_measured_so_far, read_measurements,
-    read_measurements_so_far,
-};
+pub use read::{MeasuredArm, MeasuredFile, read_measured, read_measured_so_far, read_measurements};
 pub use write::{
     RowToFillIn, absolute_table, deflection_table, readings_to_fill_in, table_to_fill_in,
 };

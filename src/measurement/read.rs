@@ -35,7 +35,7 @@ pub fn read_measurements(
     path: &Path,
     of: impl Into<MeasuredArm>,
 ) -> Result<Vec<Measurement>, FileError> {
-    deflections_of(path, read(path, &of.into(), false)?)
+    read(path, &of.into(), false)?.deflections(path)
 }
 
 /// What measurement files are taken of.
@@ -126,38 +126,30 @@ impl MeasuredFile {
                 .hint("give a file of absolute readings")),
         }
     }
-}
 
-/// The deflections of a file for a command that takes no others.
-fn deflections_of(path: &Path, measured: MeasuredFile) -> Result<Vec<Measurement>, FileError> {
-    match measured {
-        MeasuredFile::Deflections(measurements) => Ok(measurements),
-        MeasuredFile::Absolute(_) => {
-            let problem = format!(
-                "holds absolute readings ({}); deflections are needed here, loaded minus unloaded",
-                POSITION.join(",")
-            );
-            let hint = "plans and their predicted accuracies are of deflections: `identify`, `validate` and `compensate` take \
-                        absolute readings";
-            Err(FileError::new(path, problem)
-                .hint(hint)
-                .code(ErrorCode::OtherAccuracy))
+    /// The deflections of a file for a command that takes no others.
+    ///
+    /// # Errors
+    /// It holds absolute readings.
+    pub fn deflections(self, path: &Path) -> Result<Vec<Measurement>, FileError> {
+        match self {
+            Self::Deflections(measurements) => Ok(measurements),
+            Self::Absolute(_) => {
+                let problem = format!(
+                    "holds absolute readings ({}); deflections are needed here, loaded minus unloaded",
+                    POSITION.join(",")
+                );
+                let hint = "plans and their predicted accuracies are of deflections: `identify`, `validate` and `compensate` take \
+                            absolute readings";
+                Err(FileError::new(path, problem)
+                    .hint(hint)
+                    .code(ErrorCode::OtherAccuracy))
+            }
         }
     }
 }
 
 /// The same of a table that is not filled in to its end yet: rows without a reading are left out.
-///
-/// # Errors
-/// As [`read_measurements`]; and no row is filled in.
-pub fn read_measurements_so_far(
-    path: &Path,
-    of: impl Into<MeasuredArm>,
-) -> Result<Vec<Measurement>, FileError> {
-    deflections_of(path, read(path, &of.into(), true)?)
-}
-
-/// The same of a file of either kind.
 ///
 /// # Errors
 /// As [`read_measured`]; and no row is filled in.

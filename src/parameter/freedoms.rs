@@ -88,10 +88,7 @@ impl Freedoms {
 
 /// The prior's precision in units of typical sizes, p x p.
 pub(crate) fn relative_precision(set: &ParameterSet) -> DMatrix<f64> {
-    let scales = set.scales();
-    DMatrix::from_fn(set.len(), set.len(), |row, column| {
-        set.prior().precision[(row, column)] * scales[row] * scales[column]
-    })
+    set.prior().relative(set.scales().as_slice())
 }
 
 /// The directions within some (p x g, orthonormal) that neither readings nor a prior tell apart.
@@ -149,7 +146,7 @@ fn held(
 
 /// Directions, in units of typical sizes, that a robot's structure does not let anybody tell apart, or
 /// hardly: an orthonormal basis, p x g, of all combinations within the set.
-pub fn structural_directions(belief: &ElasticArm, set: &ParameterSet) -> DMatrix<f64> {
+fn structural_directions(belief: &ElasticArm, set: &ParameterSet) -> DMatrix<f64> {
     let generators = generators(belief, set);
     let size = |kind: ParameterKind| kind.typical_size(belief, false);
     let mut outside: Vec<ParameterKind> = (generators.iter().flatten())

@@ -1,6 +1,6 @@
 //! Parameters, ordered sets of them, and beliefs made from vectors of their values.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
 use super::frames::{Displacements, FrameChange};
@@ -195,60 +195,13 @@ impl ParameterSet {
         Self::new(belief, joints.iter().map(unknown))
     }
 
-    /// The same set, in which the parameters at `indices` are distributed normally with a mean and a
-    /// covariance, in the parameters' units, besides what was known of them. An earlier
-    /// identification is such knowledge.
-    ///
-    /// # Errors
-    /// The covariance is not positive definite.
-    pub fn with_prior(
-        mut self,
-        indices: &[usize],
-        mean: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-    ) -> Result<Self, ParameterError> {
-        // Units apart, so that rounding does not decide.
-        let size = covariance
-            .diagonal()
-            .map(|variance| variance.max(0.0).sqrt());
-        if !size.iter().all(|&size| size > 0.0 && size.is_finite()) {
-            return Err(ParameterError::Covariance);
-        }
-        let relative = DMatrix::from_fn(size.len(), size.len(), |row, column| {
-            covariance[(row, column)] / (size[row] * size[column])
-        });
-        let inverse = Cholesky::new(relative)
-            .ok_or(ParameterError::Covariance)?
-            .inverse();
-        // Two normal distributions multiplied: precisions add, and so do precision times mean.
-        let mut information = &self.prior.precision * &self.prior.mean;
-        for (row, &index) in indices.iter().enumerate() {
-            for (column, &other) in indices.iter().enumerate() {
-                let precision = inverse[(row, column)] / (size[row] * size[column]);
-                self.prior.precision[(index, other)] += precision;
-                information[index] += precision * mean[column];
-            }
-            let parameter = &mut self.parameters[index];
-            parameter.scale = parameter.scale.min(size[row]);
-        }
-        let known: Vec<usize> = (0..self.len())
-            .filter(|&index| self.prior.precision[(index, index)] > 0.0)
-            .collect();
-        let block = DMatrix::from_fn(known.len(), known.len(), |row, column| {
-            self.prior.precision[(known[row], known[column])]
-                * self.parameters[known[row]].scale
-                * self.parameters[known[column]].scale
-        });
-        let right = DVector::from_fn(known.len(), |row, _| {
-            information[known[row]] * self.parameters[known[row]].scale
-        });
-        let solved = Cholesky::new(block)
-            .ok_or(ParameterError::Covariance)?
-            .solve(&right);
-        for (row, &index) in known.iter().enumerate() {
-            self.prior.mean[index] = solved[row] * self.parameters[index].scale;
-        }
-        Ok(self)
+    /// The same set, in which the parameter at a place is known besides to this standard deviation, about the value that it has in the
+    /// mean already.
+    pub fn with_deviation(mut self, place: usize, deviation: f64) -> Self {
+        self.prior.precision[(place, place)] += deviation.powi(-2);
+        let scale = &mut self.parameters[place].scale;
+        *scale = scale.min(deviation);
+        self
     }
 
     /// The same set, in which an earlier identification found parameters at some places: its means (n) and its precision (n x n), in their

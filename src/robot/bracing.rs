@@ -13,7 +13,7 @@
 use nalgebra::{DMatrix, Vector3};
 
 use super::elements::Elements;
-use super::kinematic_state::{KinematicState, Load};
+use super::kinematic_state::KinematicState;
 
 impl KinematicState {
     /// Writes what springs beside the joints' own exert at the joint angles `q`; all else is in its place by
@@ -83,24 +83,5 @@ impl KinematicState {
             self.brace(&mobility);
         }
         self
-    }
-
-    /// The same in place. Returns what A k leaves of the deflection under a load: position (m) and rotation
-    /// (rad); nothing without springs.
-    pub fn brace_under(&mut self, compliance_rad_per_nm: &[f64], load: &Load) -> [Vector3<f64>; 2] {
-        let mut left = [Vector3::zeros(); 2];
-        if let Some(mobility) = self.mobility(compliance_rad_per_nm) {
-            let torque = |state: &Self, joint: usize| state.load_torque(joint, load);
-            let plain: Vec<f64> = (0..self.joints())
-                .map(|joint| torque(self, joint))
-                .collect();
-            self.brace(&mobility);
-            for (joint, plain) in plain.iter().enumerate() {
-                let angle = compliance_rad_per_nm[joint] * (plain - torque(self, joint));
-                left[0] += self.position_column(joint) * angle;
-                left[1] += self.rotation_column(joint) * angle;
-            }
-        }
-        left
     }
 }

@@ -257,9 +257,7 @@ impl Extended {
         }
         for (place, deviation) in own_priors {
             own_precision[place] = deviation.powi(-2);
-            let mean = set.prior().mean.rows(place, 1).into_owned();
-            let variance = DMatrix::from_element(1, 1, deviation * deviation);
-            set = set.with_prior(&[place], &mean, &variance)?;
+            set = set.with_deviation(place, deviation);
         }
         let joints = identified.iter();
         let mut sizes: Vec<f64> = joints

@@ -1,11 +1,10 @@
 //! An earlier identification as what is known before: planning, identification and studies use it.
 
 use elastocal::compensation::{test_pose_rows, weighted_rows};
-use elastocal::parameter::{ParameterKind, ParameterSet};
 use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
-use nalgebra::{DMatrix, dmatrix, dvector};
+use nalgebra::DMatrix;
 use serde_json::Value;
 
 use crate::support::{self, Workplace, number, numbers, project, scenario_text};
@@ -423,28 +422,6 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             .contains("uncertainty[0].replaced: there is no earlier campaign"),
         "{outcome:?}"
     );
-}
-
-/// Correlated knowledge has the mean that it is said to have. Told twice, the second time with its unknowns in the other order, it has half
-/// the covariance.
-#[test]
-fn correlated_knowledge_keeps_its_mean() {
-    let belief = support::scenario("klimchik2012").task.belief.arm();
-    let zeros = [1, 2].map(|joint| (ParameterKind::JointZero { joint }, None));
-    let mut set = ParameterSet::new(&belief, zeros).expect("a set");
-    let (mean, covariance) = (dvector![1e-3, -4e-3], dmatrix![4e-6, 5e-6; 5e-6, 9e-6]);
-    for (times, order) in [(1.0, [0, 1]), (2.0, [1, 0])] {
-        let (own, whole) = (mean.select_rows(&order), covariance.select_rows(&order));
-        let known = set.with_prior(&order, &own, &whole.select_columns(&order));
-        set = known.expect("a prior");
-        let prior = set.prior();
-        assert!((&prior.mean - &mean).amax() < 1e-15, "{prior:?}");
-        let ratio = &prior.precision * &covariance;
-        assert!(
-            (ratio - DMatrix::identity(2, 2) * times).amax() < 1e-12,
-            "{prior:?}"
-        );
-    }
 }
 
 #[test]

@@ -132,23 +132,24 @@ impl<'a> AbsoluteCase<'a> {
         start: &[RejectedReading],
         are_given: bool,
     ) -> FitResult<KeptFit<'a>> {
-        let (mut set, mut near) = (free.clone(), None);
+        let mut set = free.clone();
         loop {
-            let mut found = self.fit_without(start, &set, weights, near.as_ref())?;
+            let mut found = self.fit_without(start, &set, weights)?;
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
-            let first = found.fit.clone();
-            let mut other = with_nominal(&first, &first.posterior.covariance, UNKNOWN);
+            let fit = &found.fit;
+            let mut other = with_nominal(fit, &fit.posterior.covariance, UNKNOWN);
             if other.is_none() {
                 found.discrepancy_model = self.unexplained(&mut found);
-                other = (found.discrepancy_model.as_ref())
-                    .and_then(|model| with_nominal(&first, &model.covariance, UNKNOWN_TOGETHER));
+                other = (found.discrepancy_model.as_ref()).and_then(|model| {
+                    with_nominal(&found.fit, &model.covariance, UNKNOWN_TOGETHER)
+                });
             }
-            let Some(other) = other else {
-                return Ok(found);
-            };
-            (set, near) = (other, Some(first));
+            match other {
+                Some(other) => set = other,
+                None => return Ok(found),
+            }
         }
     }
 
@@ -237,26 +238,20 @@ impl<'a> AbsoluteCase<'a> {
         Ok(nominal.into_iter().map(left_out).collect())
     }
 
-    /// One fit without some readings, perhaps near one to nearly the same.
+    /// One fit without some readings.
     fn fit_without(
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
         weights: ReadingWeights,
-        near: Option<&ParameterFit>,
     ) -> FitResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
-        let start = near.map(|fit| case.rebased(fit));
         let readings = case.fitted_readings(set);
-        let fitted = |haste| match &start {
-            Some(values) => readings.fit_from(values, haste),
-            None => readings.fit_from_frames(haste),
-        };
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(fitted(Haste::Residuals)?),
+            ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
             ReadingWeights::AsNeeded => {
-                match fitted(Haste::Plausibility) {
+                match readings.fit_from_frames(Haste::Plausibility) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,
@@ -275,7 +270,7 @@ impl<'a> AbsoluteCase<'a> {
                 }
                 (case.fit_near(set, values.as_slice())?, None)
             }
-            other => case.with_discrepancy(set, near.cloned().or(other))?,
+            other => case.with_discrepancy(set, other)?,
         };
         Ok(KeptFit {
             case,
@@ -298,25 +293,21 @@ impl<'a> AbsoluteCase<'a> {
         let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
         if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
-            let all = self.fit_without(&[], set, weights, Some(&first.fit)).ok()?;
+            let all = self.fit_without(&[], set, weights).ok()?;
             return Some(self.without_far_out(weights, &all).unwrap_or(all));
         }
-        let mut robust = None;
-        if rejected.is_empty() && first.discrepancy.is_some() {
+        if rejected.is_empty()
+            && first.discrepancy.is_some()
+            && let Some(robust) = self.robust_fit(&first.fit)
+        {
             // Many that err alike draw the fit to themselves, too.
-            robust = self.robust_fit(&first.fit);
-            if let Some(robust) = &robust {
-                rejected = self.looked_over(first, robust)?.far_out()?;
-            }
+            rejected = self.looked_over(first, &robust)?.far_out()?;
         }
-        let near = robust.as_ref().unwrap_or(&first.fit);
         let (rejected, mut found) = outliers::until_the_same(
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected| {
-                let fitted = |near| self.fit_without(rejected, set, weights, near);
-                // Gross errors may have led the first fit to where none converges.
-                let found = fitted(Some(near)).or_else(|_| fitted(None)).ok()?;
+                let found = self.fit_without(rejected, set, weights).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;

@@ -22,16 +22,12 @@ use super::residuals::{LinearReading, with_joints};
 use super::{FitResult, ReadingResidual};
 use crate::numeric::markov::{Between, MarkovProcess};
 use crate::numeric::quantile::exceeded_with;
-use crate::numeric::tolerance::{CHI_SQUARE_95, ends};
+use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
-
-/// Knots beyond those that were read are so many lengths apart, unless they would be more than so many.
-const APART: f64 = 0.5;
-const MOST_BEYOND: u32 = 24;
 
 /// What one joint is off by, as a function of its own angle (rad; m where it slides).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -178,49 +174,12 @@ impl DiscrepancyModel {
         offsets
     }
 
-    /// The same with further knots, out to the commanded angles of readings. What joints are off by beyond those that were read is next to
-    /// unknown, but alike in readings that are near each other: it is no error of each by itself.
-    pub(super) fn reaching(mut self, commanded: &[&[f64]]) -> Self {
-        for number in 0..self.joints.len() {
-            let JointError { joint, process, .. } = &self.joints[number];
-            let reach = ends(commanded.iter().map(|q| q[*joint]));
-            let (range, length) = (process.range(), process.kernel.length);
-            for (side, sign) in [-1.0, 1.0].into_iter().enumerate() {
-                let beyond = (sign * (reach[side] - range[side])).max(0.0);
-                let apart = APART * length;
-                let count = (0..MOST_BEYOND).find(|count| beyond <= apart * f64::from(*count));
-                let count = count.unwrap_or(MOST_BEYOND);
-                for knot in 1..=count {
-                    let share = f64::from(knot) / f64::from(count);
-                    self.add_knot(number, side, range[side] + sign * beyond * share);
-                }
-            }
-        }
-        self
-    }
-
-    /// Adds a knot before the first (0) or behind the last (1) of a joint.
-    fn add_knot(&mut self, number: usize, side: usize, knot: f64) {
-        let offsets = self.offsets();
-        let joint = &mut self.joints[number];
-        let [kept, added] = joint.process.beyond(side, knot);
-        let order = kept.nrows();
-        let (place, end) = [(0, 0), (joint.values.len(), joint.values.len() - order)][side];
-        let state = &kept * DVector::from_column_slice(&joint.values[end..end + order]);
-        (joint.values).splice(place..place, state.iter().copied());
-        let knots = &mut joint.process.knots;
-        knots.insert(if side == 0 { 0 } else { knots.len() }, knot);
-        let (place, end) = (offsets[number] + place, offsets[number] + end);
-        let with_others = self.covariance.columns(end, order) * kept.transpose();
-        let own = &kept * with_others.rows(end, order) + added * joint.deviation.powi(2);
-        let mut with_all = with_others.insert_rows(place, order, 0.0);
-        with_all.rows_mut(place, order).copy_from(&own);
-        let covariance = std::mem::take(&mut self.covariance);
-        let covariance = covariance.insert_rows(place, order, 0.0);
-        let mut covariance = covariance.insert_columns(place, order, 0.0);
-        covariance.columns_mut(place, order).copy_from(&with_all);
-        (covariance.rows_mut(place, order)).copy_from(&with_all.transpose());
-        self.covariance = covariance;
+    /// Whether commanded angles are among those that were read of all joints with errors of their own.
+    pub(super) fn reaches(&self, q: &[f64]) -> bool {
+        (self.joints.iter()).all(|each| {
+            let [low, high] = each.process.range();
+            (low..=high).contains(&q[each.joint])
+        })
     }
 
     /// What one reading's rows leave, and what moves that. `places` says which of the parameters (p) each column belongs to.
@@ -366,67 +325,4 @@ pub(super) fn region_square(
     let own = (covariance.view((first, first), (rows, rows))).into_owned();
     let square = part.dot(&own.cholesky()?.solve(&part));
     Some(square * (SQUARE_95 / CHI_SQUARE_95[rows - 1]))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::numeric::markov::{Correlation, Kernel};
-
-    /// Beyond the last knot a process keeps its variance and the covariance k(d/l) of values that lie d apart; with what lies further
-    /// in it has what the states at the knot pass on.
-    #[test]
-    fn errors_beyond_the_knots_are_alike() {
-        for correlation in Correlation::ALL {
-            let kernel = Kernel {
-                correlation,
-                length: 0.2,
-            };
-            let process = MarkovProcess {
-                knots: vec![0.0, 0.3],
-                kernel,
-            };
-            let (deviation, known, states) = (2.0_f64, 0.5, process.states());
-            let mut all = DVector::from_element(1 + states, known);
-            all[0] = 1.0;
-            let mut values = vec![0.0; states];
-            values[states / 2] = 1.0;
-            let model = DiscrepancyModel {
-                joints: vec![JointError {
-                    joint: 0,
-                    process,
-                    deviation,
-                    repeatability: 0.0,
-                    values,
-                    spread_of_positions: Vec::new(),
-                    spread_of_rotations: Vec::new(),
-                }],
-                ..DiscrepancyModel::plain(DMatrix::from_diagonal(&all), [0.0; 2])
-            };
-            let model = DiscrepancyModel {
-                shift: DVector::zeros(1),
-                ..model
-            };
-            let angles = [-0.1, 0.3, 0.7].map(|angle| [angle]);
-            let angles = [&angles[0][..], &angles[1], &angles[2]];
-            let found = model.reaching(&angles);
-            let (knots, order) = (&found.joints[0].process.knots, kernel.order());
-            assert_eq!(knots.len(), 7, "{knots:?}");
-            let last = knots.len() - 1;
-            let covariance =
-                |one: usize, other: usize| found.covariance[(1 + order * one, 1 + order * other)];
-            for (place, &knot) in knots.iter().enumerate().skip(3) {
-                let x = (knot - 0.3) / 0.2;
-                let kept = [kernel.correlation(knot - 0.3)[0], x * (-x).exp()];
-                let square: f64 = kept.iter().take(order).map(|each| each * each).sum();
-                let expected = 4.0 + square * (known - 4.0);
-                let own = covariance(place, place);
-                assert!((own - expected).abs() < 1e-12, "{own} {expected}");
-                let value = found.joints[0].at(knot);
-                assert!((value - kept[0]).abs() < 1e-12);
-            }
-            assert!(found.covariance[(0, 3)].abs() < 1e-12 && covariance(1, last).abs() < 1e-12);
-            assert!((knots[0] + 0.1).abs() < 1e-12 && (knots[last] - 0.7).abs() < 1e-12);
-        }
-    }
 }

@@ -130,7 +130,8 @@ impl AbsoluteCase<'_> {
 
     /// How far the base of a station stands from where it was identified, as these readings have it: position (m) and rotation
     /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `discrepancy` as in
-    /// [`prognoses`](Self::prognoses).
+    /// [`prognoses`](Self::prognoses). Readings beyond the angles at which joints' errors were found say nothing of it: these may be any
+    /// there, and are alike in all of them.
     ///
     /// # Errors
     /// The arm has no equilibrium for a reading.
@@ -142,10 +143,6 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         station: usize,
     ) -> FitResult<Option<MovedStation>> {
-        let setups = self.observations.iter().map(|each| &each.setup);
-        let own = setups.filter(|each| each.station == station);
-        let own: Vec<&[f64]> = own.map(|each| each.commanded_rad.as_slice()).collect();
-        let discrepancy = discrepancy.clone().reaching(&own);
         let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
         let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
         let kinds = self.base_kinds(station).into_iter();
@@ -162,6 +159,9 @@ impl AbsoluteCase<'_> {
         let all = rows.iter().zip(&frames).zip(&self.observations);
         for ((rows, frame), each) in all.filter(|(_, each)| each.setup.station == station) {
             let q = each.setup.commanded_rad.as_slice();
+            if !discrepancy.reaches(q) {
+                continue;
+            }
             let local = discrepancy.local(rows, places, q);
             let new = three_rows(&local.new.diagonal(), 0).sum() / local.left.len().min(3) as f64;
             let Some(factor) = Cholesky::new(local.new) else {

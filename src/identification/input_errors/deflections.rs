@@ -19,17 +19,19 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{DVector, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
+use super::super::discrepancy::three_rows;
 use super::super::frames::nearest;
+use super::super::outliers::IMPLAUSIBLE;
 use super::super::{Case, Identification};
 use super::catalogue::{self, Correction, InputError, RowKinds, right_angles};
 use super::evidence::{ReadingEvidence, most_probable};
 use super::{LikelyInputError, RANGE_SLACK_RAD, outside_limits, unknown_approaches};
 use crate::codes::Condition;
 use crate::measurement::Measurement;
-use crate::robot::{Load, ObservationMatrix};
+use crate::robot::Load;
 
 /// The evidence that an error needs, as twice the natural logarithm of a ratio of a million.
 const DECISIVE: f64 = 27.6;
@@ -41,11 +43,9 @@ const SHARE_LEFT: f64 = 0.25;
 const DEPTH: usize = 3;
 /// From so many measurements, evenly spread, errors are looked for.
 const MOST_MEASUREMENTS: usize = 300;
-/// A consistency outside of this and one minus this makes measurements suspicious.
-const INCONSISTENT: f64 = 1e-4;
 /// A compliance is implausible where it is nearer to 9.81 times the nominal one, or its 9.81th part,
 /// than to the nominal one: beyond the root of 9.81.
-const IMPLAUSIBLE: f64 = 3.132;
+const IMPLAUSIBLE_RATIO: f64 = 3.132;
 /// So many times rotation and compliances are found in turn ...
 const TURNS: usize = 20;
 /// ... from so many right-angled frames.
@@ -66,9 +66,10 @@ pub fn conditions_of_table(case: &Case<'_>) -> Vec<Condition> {
 
 /// Loaded measurements with the same deflection in every digit. Displacements along a direction are often alike by chance.
 fn copied(case: &Case<'_>) -> CopiedReadings {
-    let nominal = DVector::from_column_slice(&case.belief.nominal.compliance_rad_per_nm);
+    let nominal = case.predicted_linearly().values;
+    let rows: Vec<_> = case.rows_of_each().collect();
     CopiedReadings::of(&bits(case, false), 3, 0.0, |place| {
-        deflection(case, &case.measurements[place], &nominal)
+        three_rows(&nominal.rows_range(rows[place].clone()).into_owned(), 0)
     })
 }
 
@@ -112,12 +113,12 @@ pub fn suspected_input_errors(
 ) -> Vec<LikelyInputError> {
     let is_off = |found: &Identification| {
         let inconsistent = (found.consistency)
-            .is_some_and(|probability| !(INCONSISTENT..=1.0 - INCONSISTENT).contains(&probability));
+            .is_some_and(|probability| !(IMPLAUSIBLE..=1.0 - IMPLAUSIBLE).contains(&probability));
         let is_implausible = found.parameters.iter().any(|parameter| {
             let nominal = case.belief.nominal.compliance_rad_per_nm[parameter.joint];
             parameter.estimate.is_some_and(|estimate| {
                 let ratio = estimate.value / nominal;
-                nominal > 0.0 && !(IMPLAUSIBLE.recip()..=IMPLAUSIBLE).contains(&ratio)
+                nominal > 0.0 && !(IMPLAUSIBLE_RATIO.recip()..=IMPLAUSIBLE_RATIO).contains(&ratio)
             })
         });
         inconsistent || is_implausible
@@ -296,9 +297,8 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError
         |matrix: Matrix3<f64>| ReadingEvidence::new(case, measurements, &read(matrix)).square;
     let refined = |mut matrix: Matrix3<f64>| {
         for _ in 0..TURNS {
-            let compliance = DVector::from_vec(most_probable(case, &read(matrix))?);
-            let turned = measurements.iter().map(|each| {
-                let predicted = deflection(case, each, &compliance);
+            let predicted = most_probable(case, &read(matrix))?;
+            let turned = measurements.iter().zip(predicted).map(|(each, predicted)| {
                 let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.norm());
                 predicted * each.deflection_m.transpose() / (sigma * sigma)
             });
@@ -319,15 +319,4 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError
         .filter_map(|(_, start)| refined(start))
         .min_by(|one, other| one.0.total_cmp(&other.0))?;
     Some((catalogue::in_frame(best.1), price.max(0.0)))
-}
-
-/// The deflection of a measurement by the compliances of all joints (m), to first order.
-fn deflection(case: &Case<'_>, each: &Measurement, compliance: &DVector<f64>) -> Vector3<f64> {
-    let chain = &case.belief.nominal.chain;
-    let all: Vec<usize> = (0..chain.len()).collect();
-    let arm = chain.at(&case.belief.calibration_tool);
-    let mut state = arm.state(each.configuration_rad.as_slice());
-    let [left, _] = state.brace_under(compliance.as_slice(), &each.load);
-    let predicted = ObservationMatrix::new(&state, &each.load, &all).position * compliance;
-    Vector3::new(predicted[0], predicted[1], predicted[2]) + left
 }

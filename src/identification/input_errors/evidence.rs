@@ -4,6 +4,7 @@ use std::iter::successors;
 
 use nalgebra::{DMatrix, DVector, Vector3};
 
+use super::super::discrepancy::three_rows;
 use super::super::{Case, Sigma};
 use crate::measurement::Measurement;
 
@@ -79,20 +80,22 @@ fn relative_rows(case: &Case<'_>, measurements: &[Measurement]) -> (DMatrix<f64>
     (rows.matrix, rows.left)
 }
 
-/// The most probable compliances of all joints (rad/(N m)): those that fit the measurements, as far as
-/// these tell, else the nominal ones.
-pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Vec<f64>> {
+/// The deflections (m) that measurements of all coordinates have by the most probable compliances: those that fit these, as far as they
+/// tell, else the nominal ones.
+pub fn most_probable(case: &Case<'_>, measurements: &[Measurement]) -> Option<Vec<Vector3<f64>>> {
     let (matrix, left) = relative_rows(case, measurements);
     let unknowns = matrix.ncols();
     let precision = DMatrix::identity(unknowns, unknowns) / (TRUST * TRUST);
     let information = matrix.tr_mul(&matrix) + precision;
     let deviation = information.cholesky()?.solve(&matrix.tr_mul(&left));
-    let nominal = case.belief.sizes();
-    let mut compliance = case.belief.nominal.compliance_rad_per_nm.clone();
-    for (index, &joint) in case.belief.parameters.iter().enumerate() {
-        compliance[joint] = nominal[index] * (1.0 + deviation[index]);
-    }
-    Some(compliance)
+    let nominal = DVector::from_vec(case.belief.sizes());
+    let values = nominal.component_mul(&deviation.add_scalar(1.0));
+    let case = case.with(measurements);
+    let left = case.first_order(values.as_slice()).own_left;
+    let each = case.rows_of_each().zip(measurements);
+    let predicted = each
+        .map(|(rows, each)| each.deflection_m - three_rows(&left.rows_range(rows).into_owned(), 0));
+    Some(predicted.collect())
 }
 
 /// The logarithm of a reading's standard deviations, and of the volume that reading a measurement of the file so stretches by: only units

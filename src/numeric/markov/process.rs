@@ -168,17 +168,6 @@ impl MarkovProcess {
         self.kernel.order() * self.knots.len()
     }
 
-    /// A further knot before the first (0) or behind the last (1): how its state follows that (a row for each number), and the covariance of
-    /// what is new in it.
-    pub fn beyond(&self, side: usize, knot: f64) -> [DMatrix<f64>; 2] {
-        let Transition { kept, added } = match side {
-            0 => self.kernel.step_back(self.knots[0] - knot),
-            _ => self.kernel.step(knot - self.range()[1]),
-        };
-        let order = self.kernel.order();
-        [kept, added].map(|each| DMatrix::from_fn(order, order, |row, column| each[(row, column)]))
-    }
-
     /// The first knot and the last.
     pub fn range(&self) -> [f64; 2] {
         [self.knots[0], self.knots[self.knots.len() - 1]]

@@ -23,7 +23,7 @@ use elastocal::identification::StoredIdentification;
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
 use elastocal::measurement::foreign::import;
 use elastocal::measurement::{
-    AbsoluteReading, absolute_table, read_measured, read_measurements, read_measurements_so_far,
+    AbsoluteReading, absolute_table, read_measured, read_measured_so_far, read_measurements,
 };
 use elastocal::numeric::random::generator;
 use elastocal::plan::read_plan;
@@ -205,7 +205,7 @@ fn measurements_reader(place: &Workplace) -> Reader {
         share: 38,
         read: |path| {
             // What is not filled in yet is another way to read it.
-            let _ = read_measurements_so_far(path, 6);
+            let _ = read_measured_so_far(path, 6);
             let _ = read_measurements(path, 6);
             read_measured(path, 6).map(|all| format!("{all:?}"))
         },
