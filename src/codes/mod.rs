@@ -52,6 +52,7 @@ codes! {
         OneSidedApproach = "C0109",
         NoProgram = "C0110",
         BelowBound = "C0111",
+        LargeDeflection = "C0112",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

@@ -11,6 +11,9 @@ const MANY_LEFT_OUT: f64 = 0.05;
 /// Joints that are springs leave less than this share of the deflections of robots (rms of a coordinate).
 const SPRINGS_LEAVE: f64 = 0.05;
 
+/// Residuals of a smaller share of their standard deviations are rounding: a thousandth, by another unit, is noise.
+const NOISE_FREE: f64 = 1e-4;
+
 /// A compliance that is negative by more standard errors than this is not so by noise (p = 1e-4).
 const BY_NOISE: f64 = 3.719;
 
@@ -34,13 +37,13 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
 }
 
 /// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
-/// of as small ones. Small ones are a condition where nobody expects them; large ones where what the model leaves is not counted, or is more
+/// of as small ones. Small ones are a condition below a share of the standard deviations, unless there is no noise; large ones where what the model leaves is not counted, or is more
 /// than robots have it leave: of positions (m) what is left and what is usual, and of rotations (rad).
 pub(super) fn inconsistent(
     [larger, smaller]: [Option<f64>; 2],
     deviations: &str,
     left_and_usual: Option<[[f64; 2]; 2]>,
-    are_expected: bool,
+    [share, least]: [f64; 2],
 ) -> impl Iterator<Item = Told> {
     let words = |size: &str, probability: Option<f64>| {
         let p = p_value(probability.filter(|each| *each < IMPLAUSIBLE)?);
@@ -62,10 +65,11 @@ pub(super) fn inconsistent(
         [] => "no model discrepancy in the weights".to_owned(),
         parts => format!("model discrepancy of {}", parts.join("; ")),
     };
+    let is_overstated = NOISE_FREE < share && share < least;
     let large = words("large", larger).map(|words| format!("{words}; {done}"));
     let large = large.map(|words| told(ConditionCode::ResidualsTooLarge, words, !is_usual));
     let small = words("small", smaller)
-        .map(|words| told(ConditionCode::ResidualsTooSmall, words, !are_expected));
+        .map(|words| told(ConditionCode::ResidualsTooSmall, words, is_overstated));
     large.into_iter().chain(small)
 }
 
@@ -137,7 +141,9 @@ impl Identification {
             .map(|left| [0, 1].map(|part| [left[part], SPRINGS_LEAVE * self.deflections[part]]));
         let sigma = format!("sigma = {:.4} mm", self.sigma_m * 1e3);
         let probabilities = [self.consistency, self.consistency_lower];
-        all.extend(inconsistent(probabilities, &sigma, left_and_usual, false));
+        let share = (self.residual_sigma_m).map_or(1.0, |residual_m| residual_m / self.sigma_m);
+        let shares = [share, 1.0];
+        all.extend(inconsistent(probabilities, &sigma, left_and_usual, shares));
         all
     }
 }

@@ -50,6 +50,9 @@ pub struct UncertainEstimate {
     pub words: String,
     /// The unit of the values: "1" for the logarithm of a ratio to what is nominal.
     pub unit: String,
+    /// Of a logarithm, what it is the logarithm of a ratio to, in SI units: another scenario may have another.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal: Option<f64>,
     /// The standard deviation that it had before.
     #[serde(rename = "prior_std")]
     pub prior_deviation: Option<f64>,
@@ -227,6 +230,8 @@ impl Case<'_> {
                 name: parameter.name.clone(),
                 words: parameter.kind.words(extended.arm()),
                 unit: parameter.unit().to_owned(),
+                nominal: (parameter.is_logarithmic)
+                    .then(|| parameter.quantity(extended.arm(), 0.0)),
                 prior_deviation: extended.prior_deviation(place),
                 value: standard_error.map(|_| posterior.mean[place]),
                 standard_error,

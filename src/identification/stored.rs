@@ -16,6 +16,7 @@ use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
+use crate::parameter::{ElasticArm, ParameterKind};
 use crate::quantities::plausible::{ANY_VARIANCE, ELASTIC_COMPLIANCE, VARIANCE};
 use crate::robot::{Joint, Robot};
 use crate::task::{Fingerprint, LeftNominal, Method};
@@ -180,7 +181,7 @@ impl IdentificationFile {
     fn known(mut self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
         let joints = joints_of(path, &self.parameters, robot)?;
         let posterior = posterior(path, &self)?;
-        let all = posterior_of_all(path, &self, &posterior)?;
+        let all = posterior_of_all(path, &self, &posterior, robot)?;
         let discrepancy = [
             size(path, "discrepancy_mm", self.discrepancy_mm)? * 1e-3,
             size(path, "discrepancy_mrad", self.discrepancy_mrad)? * 1e-3,
@@ -364,11 +365,12 @@ fn check_agreement(
     agree(path, ("rank", stored.rank as f64), (key, left))
 }
 
-/// What is known of the compliances and of other unknowns together, where there are any.
+/// What is known of the compliances and of other unknowns together, where there are any; logarithms of ratios to what is nominal now.
 fn posterior_of_all(
     path: &Path,
     stored: &IdentificationFile,
     compliances: &Posterior,
+    robot: &Robot,
 ) -> Result<Option<Posterior>, FileError> {
     if stored.uncertain.is_empty() {
         return Ok(None);
@@ -385,14 +387,25 @@ fn posterior_of_all(
     let directions = &stored.undetermined_of_all;
     let hidden = orthonormal(path, "undetermined_of_all", directions, size)?;
     let (mut names, mut mean) = (compliances.names.clone(), compliances.mean.clone());
+    let nominal = robot.compliance_rad_per_nm.clone();
+    let arm = ElasticArm::new(robot.chain.clone(), nominal, Vec::new());
+    let kinds = ParameterKind::of_robot(&arm);
     for (index, each) in stored.uncertain.iter().enumerate() {
         let value = each.value.unwrap_or(0.0);
         if !value.is_finite() {
             let problem = format!("found {value}; a finite number is needed");
             return Err(FileError::new(path, problem).at(format!("uncertain[{index}].value")));
         }
+        let own = ParameterKind::named(&each.name, &kinds, &arm);
+        let own = own.and_then(|kind| kind.quantity(&arm));
+        let ratio = (each.nominal.zip(own)).map_or(1.0, |(then, now)| then / now);
+        if !(ratio > 0.0 && ratio.is_finite()) {
+            let problem = format!("found a share of {:?}, which is nothing", each.nominal);
+            let wrong = FileError::new(path, problem).at(format!("uncertain[{index}].nominal"));
+            return Err(wrong.code(ErrorCode::OtherRobot));
+        }
         names.push(each.name.clone());
-        mean.push(value);
+        mean.push(value + ratio.ln());
     }
     Ok(Some(Posterior {
         names,

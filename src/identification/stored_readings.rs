@@ -91,7 +91,9 @@ impl ReadingsFile {
     /// What was determined of the robot and the load cell: compliances, then all else.
     fn known(self, path: &Path, robot: &Robot) -> Result<StoredIdentification, FileError> {
         let all = covariance_of_unknowns(path, &self.unknowns, &self.covariance)?;
-        let kinds = self.kinds(path, robot)?;
+        let compliance = robot.compliance_rad_per_nm.clone();
+        let arm = ElasticArm::new(robot.chain.clone(), compliance, Vec::new());
+        let kinds = self.kinds(path, &arm)?;
         let unknowns = &self.unknowns;
         let joint = |place: &usize| match kinds[*place] {
             Some(ParameterKind::JointCompliance { joint }) => Some(joint),
@@ -104,7 +106,7 @@ impl ReadingsFile {
         let joints: Vec<usize> = places.iter().filter_map(joint).collect();
         places.extend(&others);
         let (values, factors): (Vec<f64>, Vec<f64>) = (unknowns.iter().zip(&kinds))
-            .map(|(unknown, kind)| unknown.parameter(*kind))
+            .map(|(unknown, kind)| unknown.parameter(*kind, &arm))
             .unzip();
         if let Some(&place) = places.iter().find(|&&place| !values[place].is_finite()) {
             let problem = format!("found {}", unknowns[place].value);
@@ -157,16 +159,18 @@ impl ReadingsFile {
     }
 
     /// What the unknowns are; none of frames.
-    fn kinds(&self, path: &Path, robot: &Robot) -> Result<Vec<Option<ParameterKind>>, FileError> {
-        let compliance = robot.compliance_rad_per_nm.clone();
-        let arm = ElasticArm::new(robot.chain.clone(), compliance, Vec::new());
-        let listed = ParameterKind::of_robot(&arm);
+    fn kinds(
+        &self,
+        path: &Path,
+        arm: &ElasticArm,
+    ) -> Result<Vec<Option<ParameterKind>>, FileError> {
+        let listed = ParameterKind::of_robot(arm);
         let unknowns = self.unknowns.iter().enumerate();
         let kind = |(index, UnknownMessage { name, .. }): (usize, &UnknownMessage)| {
             if self.is_of_frame(name) {
                 return Ok(None);
             }
-            let kind = ParameterKind::named(name, &listed, &arm);
+            let kind = ParameterKind::named(name, &listed, arm);
             kind.map(Some).ok_or_else(|| {
                 let wrong = FileError::new(path, format!("the robot has no {name:?}"));
                 let wrong = wrong.at(format!("unknowns[{index}].name"));
@@ -221,11 +225,13 @@ impl ReadingsFile {
 }
 
 impl UnknownMessage {
-    /// Its value as a parameter of a kind has it, and by how much that changes with the value: a logarithm is of the ratio to what is nominal.
-    pub fn parameter(&self, kind: Option<ParameterKind>) -> (f64, f64) {
+    /// Its value as a parameter of a kind has it, and by how much that changes with the value: a logarithm is of the ratio to what an arm
+    /// has, which may be another than was nominal then.
+    pub fn parameter(&self, kind: Option<ParameterKind>, arm: &ElasticArm) -> (f64, f64) {
         match kind {
             Some(kind) if kind.is_logarithmic(false) => {
-                ((self.value / self.nominal).ln(), self.value.recip())
+                let nominal = kind.quantity(arm).unwrap_or(self.nominal);
+                ((self.value / nominal).ln(), self.value.recip())
             }
             _ => (self.value, 1.0),
         }

@@ -287,8 +287,7 @@ fn compensated(
 /// Whether a parameter is of a joint that stands off its spring by what it carries.
 pub(super) fn is_by_torque(arm: &ElasticArm, kind: ParameterKind) -> bool {
     match kind {
-        ParameterKind::JointBacklash { joint } => arm.backlash[joint].turned_over_at_nm.is_some(),
         ParameterKind::JointStiffening { .. } => true,
-        _ => false,
+        kind => kind.is_turned_over(arm),
     }
 }

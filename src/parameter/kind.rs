@@ -296,6 +296,11 @@ impl ParameterKind {
         })
     }
 
+    /// The quantity that an arm has, in SI units; none of what has no place in it.
+    pub fn quantity(self, arm: &ElasticArm) -> Option<f64> {
+        self.place(&mut arm.clone()).map(|place| *place)
+    }
+
     /// Where its value is in how its owner's frame differs from the nominal one; none of what is no coordinate of a frame.
     pub(super) fn place_of_frame(self, frame: &mut FrameChange) -> Option<&mut f64> {
         match self {
@@ -523,6 +528,19 @@ impl ParameterKind {
             self,
             Self::JointBacklash { .. } | Self::JointStiffening { .. }
         )
+    }
+
+    /// Whether it is a gap of an arm that turns over at a torque.
+    pub fn is_turned_over(self, arm: &ElasticArm) -> bool {
+        match self {
+            Self::JointBacklash { joint } => arm.backlash[joint].turned_over_at_nm.is_some(),
+            _ => false,
+        }
+    }
+
+    /// Whether it changes the torque at which a gap of the unloaded arm leans to one side: it is of a spring, or of what weighs.
+    pub const fn turns_over_others(self) -> bool {
+        matches!(self.owner(), Owner::Spring(_)) || self.is_of_mass()
     }
 
     /// Whether it is of what weighs: of a link with all that is fixed to it, or of a payload.

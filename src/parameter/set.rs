@@ -104,8 +104,7 @@ impl Parameter {
             return value;
         }
         // What has no place is the task's, of which the arm has none.
-        let place = self.kind.place(&mut nominal.clone()).map(|place| *place);
-        place.unwrap_or(1.0) * value.exp()
+        self.kind.quantity(nominal).unwrap_or(1.0) * value.exp()
     }
 }
 

@@ -1,8 +1,8 @@
 //! The conditions of a plan, by name.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
-use super::{Experiment, Plan, posterior, rho0_m};
+use super::{Experiment, ExperimentModel, Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::test_pose_matrix;
 use crate::identification::UNKNOWN_COMPLIANCE;
@@ -16,6 +16,8 @@ use crate::text::wording::in_um;
 const NEAR: f64 = 5.0 * std::f64::consts::PI / 180.0;
 /// Compensation that leaves more than this share of the task deflection gains next to nothing.
 const NO_GAIN: f64 = 0.5;
+/// Deflections of more than this share of the reach are not small: what is predicted to first order errs by about as large a share of them.
+const SMALL: f64 = 0.05;
 /// So many pairs are named.
 const NAMED: usize = 4;
 
@@ -26,6 +28,7 @@ pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<C
     };
     (near(task, plan, rho0_m).into_iter())
         .chain(no_gain(task, rho0_m))
+        .chain(bent_far(task, plan))
         .collect()
 }
 
@@ -136,14 +139,45 @@ fn displacement_m(belief: &Belief, experiment: &Experiment) -> f64 {
         .sum()
 }
 
+/// Whether a load bends the nominal robot, to first order, by more than is small.
+fn bent_far(task: &Task, plan: &Plan) -> Option<Condition> {
+    let belief = &task.belief;
+    let compliance = DVector::from_column_slice(&belief.nominal.compliance_rad_per_nm);
+    let joints: Vec<usize> = (0..compliance.len()).collect();
+    let model = ExperimentModel {
+        parameters: &joints,
+        uncertain: None,
+        ..ExperimentModel::new(belief)
+    };
+    let moved_m = |rows: DMatrix<f64>| (rows.rows(0, rows.nrows().min(3)) * &compliance).norm();
+    let measured = plan.experiments.iter().enumerate().map(|(index, each)| {
+        let moved_m = moved_m(model.observation_matrix(each));
+        (format!("experiment {}", index + 1), moved_m)
+    });
+    let at_work = task.test_poses.iter().map(|pose| {
+        let moved_m = moved_m(test_pose_matrix(belief, pose, &joints));
+        (format!("{:?}", pose.name), moved_m)
+    });
+    let (what, most_m) =
+        (measured.chain(at_work)).max_by(|one, other| one.1.total_cmp(&other.1))?;
+    let share = most_m / belief.nominal.chain.reach_m(&belief.calibration_tool);
+    (share > SMALL).then(|| {
+        ConditionCode::LargeDeflection.with(format!(
+            "the load of {what} bends the robot by {:.0} mm, {:.0} % of its reach, to first order, which is for small deflections",
+            most_m * 1e3,
+            share * 100.0
+        ))
+    })
+}
+
 /// Whether so much is left that there is nothing to gain.
 fn no_gain(task: &Task, rho0_m: f64) -> Option<Condition> {
     let belief = &task.belief;
     let compliance = &belief.nominal.compliance_rad_per_nm;
     let joints: Vec<usize> = (0..compliance.len()).collect();
     let square = |pose| {
-        let moved = test_pose_matrix(belief, pose, &joints)
-            * nalgebra::DVector::from_column_slice(compliance);
+        let moved =
+            test_pose_matrix(belief, pose, &joints) * DVector::from_column_slice(compliance);
         moved.norm_squared()
     };
     let poses = task.test_poses.iter();

@@ -345,6 +345,13 @@ fn remark(extended: &Extended, kind: ParameterKind) -> Option<&'static str> {
         ParameterKind::ToolPosition { .. } | ParameterKind::ToolRotation { .. }
     );
     let is_of_the_only_tool = is_of_tool && extended.machining_tool() == 0;
+    let is_turned_over = kind.is_turned_over(extended.arm());
+    let mut all = extended.set().parameters().iter();
+    if is_turned_over && all.any(|each| each.kind.turns_over_others()) {
+        return Some(
+            "to first order at the nominal torque: where springs and masses that are uncertain turn it over does not count",
+        );
+    }
     kind.remark().filter(|_| !is_of_the_only_tool)
 }
 

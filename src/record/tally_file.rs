@@ -336,16 +336,33 @@ impl TallyFile {
     /// # Errors
     /// The file is of another study, and what differs.
     pub fn resume(path: &Path, header: Header, shard: u64) -> Result<Self, FileError> {
-        if !path.exists() {
+        let Some(found) = Self::begun(path, &header, shard)? else {
             return Ok(Self::empty(header, shard));
+        };
+        found.check(path, &header)?;
+        Ok(Self { header, ..found })
+    }
+
+    /// Reads the file of the same shard of the same study, whatever its plans, which take long to design; `None` where there is none.
+    ///
+    /// # Errors
+    /// As [`Self::resume`].
+    pub fn begun(path: &Path, header: &Header, shard: u64) -> Result<Option<Self>, FileError> {
+        if !path.exists() {
+            return Ok(None);
         }
         let found = Self::read(path)?;
-        found.check(path, &header)?;
+        let plans = found.header.plans.clone();
+        let expected = Header {
+            plans,
+            ..header.clone()
+        };
+        found.check(path, &expected)?;
         if found.shard != shard {
             let problem = format!("is of shard {} and not {shard}", found.shard);
             return Err(wrong_tally(path, problem));
         }
-        Ok(Self { header, ..found })
+        Ok(Some(found))
     }
 
     fn check(&self, path: &Path, expected: &Header) -> Result<(), FileError> {

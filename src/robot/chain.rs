@@ -82,6 +82,15 @@ pub struct SerialChain {
 }
 
 impl SerialChain {
+    /// The way from the first joint to a tool along the links (m).
+    pub fn reach_m(&self, tool: &Tool) -> f64 {
+        let links = self.joints[..tool.joints].iter().skip(1);
+        links
+            .map(|joint| joint.previous_from_link.translation.vector.norm())
+            .sum::<f64>()
+            + tool.link_from_tool.translation.vector.norm()
+    }
+
     /// The number of joints.
     pub fn len(&self) -> usize {
         self.joints.len()

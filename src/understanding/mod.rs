@@ -96,7 +96,7 @@ impl Understanding {
                 &scenario.task.belief.calibration_tool,
                 &scenario.task.belief.machining_tool,
             ]
-            .map(|tool| reach_m(chain, tool))
+            .map(|tool| chain.reach_m(tool))
             .into_iter()
             .fold(0.0, f64::max),
             gravity_m_s2: chain.gravity_m_s2,
@@ -148,15 +148,6 @@ fn locked(scenario: &Scenario) -> Vec<(String, f64, &'static str)> {
         (model.joint_name(joint), shown, unit)
     });
     locked.collect()
-}
-
-/// The way from the first joint to the tool along the links (m).
-fn reach_m(chain: &SerialChain, tool: &Tool) -> f64 {
-    let links = chain.joints[..tool.joints].iter().skip(1);
-    links
-        .map(|joint| joint.previous_from_link.translation.vector.norm())
-        .sum::<f64>()
-        + tool.link_from_tool.translation.vector.norm()
 }
 
 fn understood_pose(scenario: &Scenario, pose: &TestPose) -> UnderstoodPose {

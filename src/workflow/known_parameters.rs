@@ -64,7 +64,8 @@ pub(super) fn known(
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
         .collect();
-    let factor = |&(index, kind): &(usize, ParameterKind)| unknowns[index].parameter(Some(kind)).1;
+    let factor =
+        |&(index, kind): &(usize, ParameterKind)| unknowns[index].parameter(Some(kind), arm).1;
     let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
         match (own.get(row), own.get(column)) {
             (Some(one), Some(other)) => {

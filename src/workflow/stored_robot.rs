@@ -128,7 +128,7 @@ impl StoredRobot {
             let Some(kind) = kind else {
                 return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
             };
-            let (value, _) = unknown.parameter(Some(kind));
+            let (value, _) = unknown.parameter(Some(kind), arm);
             if !value.is_finite() {
                 return Err(wrong(index, format!("found the value {}", unknown.value)));
             }
@@ -268,7 +268,7 @@ impl StoredRobot {
         let wrong = |key, problem| wrong(path, key, problem);
         let kinds = self.kinds(arm, &[], &[]);
         let factors: Vec<f64> = (message.unknowns.iter().zip(kinds))
-            .map(|(unknown, kind)| unknown.parameter(kind).1)
+            .map(|(unknown, kind)| unknown.parameter(kind, arm).1)
             .collect();
         let factor = |index: usize| factors.get(index).copied().unwrap_or(1.0);
         let relative = |found: &DMatrix<f64>| {

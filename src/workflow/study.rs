@@ -282,7 +282,8 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
             (plan.account.as_ref(), plan.predicted_quantile95_m),
         );
         // Where every run has a plan of its own there is no account of what else is uncertain.
-        if plan.account.is_none() && plan.sha256.is_some() {
+        let has_account = header.plans.iter().any(|each| each.account.is_some());
+        if plan.account.is_none() && (plan.sha256.is_some() || !has_account) {
             message = message.judged_by_noise();
         }
         if header.absolute.is_some() {

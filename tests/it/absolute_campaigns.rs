@@ -307,3 +307,39 @@ fn the_run_sheet_looks_well() {
     // Nine configurations, and where the load hangs.
     crate::browser::looks_well(&place.path("out/s/lab/run_sheet.html"), 10);
 }
+
+/// Standard deviations of readings that are in another unit are a condition; readings without noise are none.
+#[test]
+fn standard_deviations_in_another_unit_are_a_condition() {
+    let place = workplace("");
+    place.write("plan.csv", PLAN.replace(",1,", ",3,"));
+    place.json("measure s.toml --plan plan.csv --measurements-out m.csv");
+    let text = place.read("m.csv");
+    let header = text.lines().find(|line| line.starts_with("q1_deg"));
+    let names: Vec<&str> = header.expect("a header").split(',').collect();
+    let is_deviation = |place: usize| ["sx_mm", "sy_mm", "sz_mm"].contains(&names[place]);
+    let times = |factor: f64| -> String {
+        let line = |line: &str| {
+            if !line.contains(",reflector,") && !line.contains(",spindle,") {
+                return format!("{line}\n");
+            }
+            let fields =
+                line.split(',')
+                    .enumerate()
+                    .map(|(place, field)| match field.parse::<f64>() {
+                        Ok(number) if is_deviation(place) => (number * factor).to_string(),
+                        _ => field.to_owned(),
+                    });
+            fields.collect::<Vec<_>>().join(",") + "\n"
+        };
+        text.lines().map(line).collect()
+    };
+    place.write("slip.csv", times(1e3));
+    let identify = "identify s.toml --allow C0201 --quiet --measurements";
+    place.run(&format!("{identify} m.csv")).ends_with(0);
+    let slipped = place.run(&format!("{identify} slip.csv")).ends_with(3);
+    slipped.says("condition C0206: residuals too small for the readings' standard deviations");
+    // As good as without noise.
+    place.write("none.csv", times(1e6));
+    place.run(&format!("{identify} none.csv")).ends_with(0);
+}

@@ -121,6 +121,17 @@ fn gaps_cost_where_loads_turn_them_over() {
     assert!(held >= noise && held < 1.01 * noise, "{held} {noise}");
     let turned = rho0(&entry(("backlash", GAPS), ""));
     assert!(turned > 1.5 * noise, "{turned} {noise}");
+    let remarks = |list: &str| {
+        let scenario = loaded(&with(list, "robot", 64));
+        let budget = Assessment::new(&scenario.task, &crate::support::table4(4), None);
+        let budget = budget.uncertainty_budget;
+        let sources = budget.expect("determined").sources.into_iter();
+        sources.filter_map(|each| each.remark).collect::<String>()
+    };
+    let masses = entry(("link_mass", "std_relative = 0.05"), "");
+    let gaps = entry(("backlash", GAPS), "");
+    assert!(!remarks(&gaps).contains("turn it over"));
+    assert!(remarks(&(gaps + &masses)).contains("turn it over does not count"));
     // What no torque of this arm reaches turns nothing over; the test pose is then seen at rest, and not to first order.
     let never = rho0(&entry(
         ("backlash", "std_arcsec = 20\nturned_over_at_nm = 1e11"),

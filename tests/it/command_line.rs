@@ -493,6 +493,16 @@ fn budget_says_how_many_measurements_are_needed() {
     assert!(rho0(3, 3) < rho0(2, 2) && rho0(4, 4) < rho0(3, 3));
     assert!(rho0(4, 4) < 1.001 * rho0(4, 3) && rho0(4, 3) < rho0(4, 2));
     assert_eq!(json["needed"]["experiments"], 3);
+    // At the scenario's own size it is searched as a plan is.
+    let text = scenario_text("klimchik2012").replacen("experiments = 3", "experiments = 2", 1);
+    place.write("two.toml", text);
+    let planned = place.json("plan two.toml --no-proof")["rho0_mm"].clone();
+    let two = place.json("budget two.toml --up-to 2 --no-proof --allow C0107");
+    let found = two["budget"][0]["rho0_mm"].as_f64().expect("a number");
+    assert!(
+        found <= planned.as_f64().expect("a number") * (1.0 + 1e-9),
+        "{two} {planned}"
+    );
     assert!(place.read("plot.svg").starts_with("<svg"));
     let arguments = arguments.replace("--accuracy-um 7", "--accuracy-um 1");
     let outcome = place.run(&arguments).ends_with(3);

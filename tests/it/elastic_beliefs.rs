@@ -268,6 +268,11 @@ fn wrong_locks_tools_and_payloads_are_refused_by_name() {
         ("finger = 40", "thumb = 40", "robot.locked_deg.thumb"),
         ("locked_mm = { rail = 250 }", "", "\"rail\""),
         (
+            "rail = 250",
+            "rail = 7000",
+            "robot.locked_mm.rail: found 7000.000; the model's range",
+        ),
+        (
             "{ finger = 40 }",
             "{ finger = 40, rail = 3 }",
             "robot.locked_deg.rail",

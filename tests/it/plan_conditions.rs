@@ -281,3 +281,19 @@ fn compliances_less_certain_than_nominal_are_named() {
     let told = place.run(&precise).stdout;
     assert!(!told.contains("identification keeps"), "{told}");
 }
+
+/// A load in kilonewtons that is written as newtons, a thousandfold, bends the robot beyond what first order is for.
+#[test]
+fn deflections_that_are_not_small_are_a_condition() {
+    let scenario = scenario("klimchik2012");
+    let codes = |plan: &Plan| -> Vec<ConditionCode> {
+        let found = Assessment::new(&scenario.task, plan, None).conditions;
+        found.into_iter().map(|each| each.code).collect()
+    };
+    let mut plan = table4(3);
+    assert!(!codes(&plan).contains(&ConditionCode::LargeDeflection));
+    for experiment in &mut plan.experiments {
+        experiment.load.force_n *= 100.0;
+    }
+    assert!(codes(&plan).contains(&ConditionCode::LargeDeflection));
+}

@@ -490,3 +490,39 @@ fn a_prior_of_unknown_error_sources_is_a_condition() {
         said.says("condition C0308: i.json does not say with which robot and error sources");
     }
 }
+
+/// What an earlier campaign found is a quantity, whatever is nominal in the next one.
+#[test]
+fn a_prior_is_of_quantities() {
+    let place = Workplace::new();
+    let linear = linear();
+    let (text, _) = linear.split_once("\n[study]").expect("a study");
+    let sheet =
+        "\n[[uncertainty]]\nkind = \"compliance\"\nstd_relative = 0.1\njoints = [\"joint_1\"]\n";
+    let first = text.to_owned() + sheet;
+    place.write("first.toml", &first);
+    measured(&place, "first.toml", 3, "a.csv");
+    identified(&place, "first.toml", "a.csv", "first.json");
+    let joint_1 = |file: &str| {
+        let task = Scenario::load(&place.path(file)).expect("valid").task;
+        let (set, arm) = (task.belief.uncertain.set(), task.belief.uncertain.arm());
+        let place = set.index_of(ParameterKind::JointCompliance { joint: 0 });
+        let place = place.expect("is uncertain");
+        let value = set.prior().mean[place];
+        let nominal = arm.compliance_rad_per_nm[0];
+        (set.parameters()[place].quantity(arm, value), nominal)
+    };
+    place.write("second.toml", with_prior(&first, "first.json"));
+    let (found, nominal) = joint_1("second.toml");
+    let compliances = "\ncompliance_rad_per_nm = [0.52e-6, 0.302e-6, 0.406e-6, 3.002e-6, 3.303e-6, 2.365e-6]\nparameters = ";
+    let other = place
+        .read("second.toml")
+        .replace("\nparameters = ", compliances);
+    place.write("other.toml", other);
+    let (again, doubled) = joint_1("other.toml");
+    assert!(
+        (doubled / nominal - 2.0).abs() < 1e-9,
+        "{doubled} {nominal}"
+    );
+    assert!((again / found - 1.0).abs() < 1e-12, "{again} {found}");
+}

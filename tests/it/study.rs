@@ -660,6 +660,14 @@ fn shards_and_resumption_change_no_bit() {
         &format!("{study} --seed 7 --resume r.json"),
         "seed is 1 there, 7 here",
     );
+    // Before a plan is designed, which would take long.
+    let optimal = with_study(SMALL) + "\n[[study.plan]]\nname = \"o\"\nkind = \"optimal\"\n";
+    workplace.write("o.toml", optimal);
+    let outcome = workplace.run("study o.toml --resume r.json").ends_with(1);
+    assert!(!outcome.stderr.contains("designing"), "{outcome:#?}");
+    let few = "study s.toml --quiet --trials 10 --shard 3/3 --tally-out few.json";
+    let few = workplace.run(few).ends_with(0).stdout;
+    assert!(few.contains("no runs: 10 runs are fewer blocks"), "{few}");
     let other = "study s.toml --quiet --trials 9002 --shard 2/3 --tally-out other.json";
     workplace.run(other).ends_with(0);
     fails(

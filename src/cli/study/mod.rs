@@ -122,19 +122,22 @@ impl StudyCommand {
             AccuracyKind::Absolute => Level::Robot,
             AccuracyKind::Relative => (self.level.or(scenario.study.level)).unwrap_or_default(),
         };
+        let (shard, shards) = self.shard.unwrap_or((1, 1));
+        let sizes = [self.trials.unwrap_or(scenario.study.trials), shards];
+        let mut header = Header {
+            absolute: self.readings.header(&scenario)?,
+            ..Header::new(&scenario, level, sizes, Vec::new())
+        };
+        if let Some(path) = &self.resume {
+            TallyFile::begun(path, &header, shard)?;
+        }
         let settings = scenario.settings();
         let candidates = self.readings.candidates(&scenario)?;
         let entries =
             (self.readings).entries(&self.common, &scenario, &settings, candidates.as_deref())?;
         proceed()?;
         let runner = Runner::new(&settings, scenario.seed, level, &entries)?.stopped_by(ask_work());
-        let plans = PlanHeader::of(&runner);
-        let (shard, shards) = self.shard.unwrap_or((1, 1));
-        let sizes = [self.trials.unwrap_or(scenario.study.trials), shards];
-        let header = Header {
-            absolute: self.readings.header(&scenario)?,
-            ..Header::new(&scenario, level, sizes, plans)
-        };
+        header.plans = PlanHeader::of(&runner);
         let part = match &self.resume {
             Some(path) => TallyFile::resume(path, header, shard)?,
             None => TallyFile::empty(header, shard),
@@ -200,7 +203,14 @@ impl StudyCommand {
         }
         let mut report = results.report(&folder);
         if let Some((shard, shards)) = self.shard {
-            let table = describe(&results.messages);
+            let table = match part.header.blocks_of(shard) {
+                0 => format!(
+                    "  no runs: {} runs are fewer blocks of {} than there are shards; `elastocal merge` wants the tally all the same\n",
+                    part.header.trials,
+                    part.header.block_runs()
+                ),
+                _ => describe(&results.messages),
+            };
             report.text = format!("shard {shard} of {shards}:\n{table}");
             report.json["schema"] = json!(SchemaMessage::new("shard"));
             report.json["shard"] = json!(shard);

@@ -46,7 +46,7 @@ impl Results {
                 describe(&self.messages),
                 predictions(&self.messages, self.header.accuracy()),
                 sentence(&self.messages, &self.header),
-                noted(&self.failures(true)),
+                noted(&[self.failures(true), self.unjudged()].concat()),
                 self.header.trials,
                 self.header.level.words(),
                 folder.display()
@@ -91,6 +91,22 @@ impl Results {
             .filter(|(place, _)| self.is_comparison(*place) == of_comparison)
             .filter_map(|(_, message)| failed_runs(message))
             .collect()
+    }
+
+    /// Why plans have no verdict where others have one.
+    fn unjudged(&self) -> Vec<String> {
+        let plans = &self.header.plans;
+        let is_judged = plans.iter().any(|each| each.account.is_some());
+        let unjudged = plans
+            .iter()
+            .filter(|each| each.sha256.is_none() && is_judged);
+        let words = |each: &PlanHeader| {
+            format!(
+                "{}: no verdict, as every run has a plan of its own, of which noise alone is predicted",
+                each.name
+            )
+        };
+        unjudged.map(words).collect()
     }
 
     /// The page to look at; none for a sweep, where no plan is best under all conditions.

@@ -25,6 +25,8 @@ const ROBOTS_LEAVE: f64 = 2e-3;
 const MOST_TURNED_RAD: f64 = 0.05;
 /// ... and no link by more (m), in what a maker delivers.
 const MOST_SHIFTED_M: f64 = 0.02;
+/// Instruments err by no smaller a share of the standard deviations that are given for them, unless these are in another unit.
+const OVERSTATED: f64 = 1e-2;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
 
@@ -445,7 +447,9 @@ impl AbsoluteFit {
             (self.discrepancy).map(|left| [0, 1].map(|part| [left[part], usual[part]]));
         let probabilities = [self.consistency, self.consistency.map(|each| 1.0 - each)];
         let deviations = "the readings' standard deviations";
-        let residuals = inconsistent(probabilities, deviations, left_and_usual, true);
+        let share = (self.square / self.rows as f64).sqrt();
+        let shares = [share, OVERSTATED];
+        let residuals = inconsistent(probabilities, deviations, left_and_usual, shares);
         rejected.into_iter().chain(residuals)
     }
 

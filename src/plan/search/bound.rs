@@ -509,7 +509,10 @@ impl Bound {
             };
             let violations = feasibility.violations_of(index + 1, &meant);
             if let Some(violation) = violations.first() {
-                return Err(NoBound::outside(&violation.to_string()));
+                // What a person knows are the scenario's own bounds, not the wider ones of the class.
+                let own = Feasibility::new(&self.task).violations_of(index + 1, &meant);
+                let own = own.iter().find(|own| own.what == violation.what);
+                return Err(NoBound::outside(&own.unwrap_or(violation).to_string()));
             }
         }
         Ok(())

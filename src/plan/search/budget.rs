@@ -9,13 +9,13 @@ use super::bound::{Bound, PlanBound};
 use super::error::SearchError;
 use super::exact::Watch;
 use super::plan_search::PlanSearch;
-use super::problem::Problem;
+use super::problem::{Effort, Problem};
 use super::size::PlanSize;
 use crate::plan::proof::ProofLimits;
 use crate::plan::{Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
 use crate::task::Task;
 
-/// Searches: fewer than for a single plan, since there are many.
+/// Searches: fewer than for a single plan, since there are many, but for the size that the scenario asks for.
 const SEARCHES: usize = 48;
 /// Beyond so many measurements one more changes a plan little,
 const MANY: u32 = 12;
@@ -75,6 +75,9 @@ pub fn budget(
         approximate,
         seed,
     };
+    let whole = Effort::default().searches;
+    let own = task.design.experiments;
+    let own = (own, task.design.configurations.unwrap_or(own));
     let mut points = Vec::new();
     let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
     for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
@@ -82,9 +85,12 @@ pub fn budget(
             break;
         }
         progress(index, sizes.len());
-        if experiments > MANY {
-            search.problem.effort.searches = SEARCHES_OF_MANY;
-        }
+        search.problem.effort.searches = match experiments {
+            // What a plan of the scenario's own size is searched with.
+            _ if (experiments, configurations) == own => whole,
+            many if many > MANY => SEARCHES_OF_MANY,
+            _ => SEARCHES,
+        };
         // One measurement less, with one more repeat of its last experiment: the search moves it where it is best.
         let measured_once_more = |plan: &Plan| {
             let mut plan = plan.clone();

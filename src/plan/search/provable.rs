@@ -134,13 +134,8 @@ fn is_known(task: &Task, source: &ReadingSource) -> bool {
 /// Whether what compensation leaves is told of the compliances just as where nothing else is uncertain: without what makes it
 /// depend on where the arm rests.
 fn is_alike(extended: &Extended) -> bool {
-    let is_turned_over = (extended.set().parameters().iter()).any(|each| match each.kind {
-        ParameterKind::JointBacklash { joint } => {
-            extended.arm().backlash[joint].turned_over_at_nm.is_some()
-        }
-        _ => false,
-    });
-    !is_turned_over
+    let mut all = extended.set().parameters().iter();
+    !all.any(|each| each.kind.is_turned_over(extended.arm()))
 }
 
 /// Whether nothing has to be left out.

@@ -15,6 +15,9 @@ use crate::robot::{Joint, KnownJoint, Robot, SerialChain, Tool, TrueRobot};
 use crate::scenario::file::{Actuators, File};
 use crate::task::{AccuracyKind, Belief};
 
+/// A locked joint may be outside of its range by as much (rad, m).
+const ROUNDING: f64 = 1e-9;
+
 impl Checker<'_> {
     /// The model in its laboratory.
     pub(super) fn model(
@@ -37,13 +40,25 @@ impl Checker<'_> {
     /// The belief's model with its locked joints.
     pub(super) fn lock(&self, model: &Model, locked: &[Locked]) -> Result<Model, FileError> {
         for Locked {
-            joint, key, unit, ..
+            joint,
+            key,
+            unit,
+            at,
         } in locked
         {
             let index = (model.joint(joint)).map_err(|error| self.named_file(key, error))?;
             let slides = model.is_slide(index);
             if slides || model.is_hinge(index) {
                 self.check_unit(key, joint, slides, unit, "deg")?;
+                let [low, high] = model.joint_range(index);
+                if !(low - ROUNDING..=high + ROUNDING).contains(at) {
+                    let shown = |si: f64| if slides { si * 1e3 } else { si.to_degrees() };
+                    let [found, low, high] = [*at, low, high].map(shown);
+                    let problem = format!(
+                        "found {found:.3}; the model's range of {joint:?} is {low:.3} to {high:.3} {unit}"
+                    );
+                    return Err(self.wrong(key, problem));
+                }
             }
         }
         let pairs: Vec<(String, f64)> = (locked.iter())
