@@ -129,9 +129,10 @@ impl Validate {
         let left = validation.left.iter().map(|each| each.position_m);
         let differences = left.zip(validation.readings_m2.iter().copied()).collect();
         let model = robot.message.discrepancy_model.as_ref();
-        let with_joints = match model.is_some_and(|model| !model.joints.is_empty()) {
-            true => validation.prognoses.iter().map(|each| each.left).collect(),
-            false => validation.left.clone(),
+        let with_joints = if model.is_some_and(|model| !model.joints.is_empty()) {
+            validation.prognoses.iter().map(|each| each.left).collect()
+        } else {
+            validation.left.clone()
         };
         let keys = readings_record(&validation, &with_joints);
         let name = residual_name(&belief.instrument);

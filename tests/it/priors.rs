@@ -1,6 +1,7 @@
 //! An earlier identification as what is known before: planning, identification and studies use it.
 
 use elastocal::compensation::{test_pose_rows, weighted_rows};
+use elastocal::parameter::ParameterKind;
 use elastocal::plan::{ExperimentModel, Plan};
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
