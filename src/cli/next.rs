@@ -107,7 +107,7 @@ impl Next {
         let mut conditions: Vec<Condition> = conditions.collect();
         let mut text = deflections::describe(identification, belief);
         text += &format!(
-            "\n{} of {} so far: {}\n",
+            "\n{} of {} so far, at the compliances as identified: {}\n",
             counted(measured.into(), "measurement"),
             counted(so_far.experiments.len() as u64, "experiment"),
             describe(reached_m)
