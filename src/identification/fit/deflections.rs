@@ -13,9 +13,9 @@ use crate::numeric::least_squares::{LeastSquares, condition_of, sound_factor};
 use crate::observation::RestTorques;
 use crate::task::Method;
 
-/// Where more is uncertain, the last step is taken. It leaves l2 = l1 (l1 / l0)^2 standard errors after steps of l0 and l1, as Gauss-Newton
-/// does where residuals are no larger than they should be: a fit is found when that is less than this ...
-const LEFT: f64 = 1e-6;
+/// Where more is uncertain, the last step is taken. After steps of l0 and l1 standard errors the next is shorter than l1 (l1 / l0), where
+/// residuals are small by far: a fit is found when that is less than this ...
+const LEFT: f64 = 1e-4;
 /// ... and l1 no longer than this, so that the covariance is that of the estimate to some thousandths.
 const LAST_STEP: f64 = 0.03;
 
@@ -236,7 +236,7 @@ impl FitProblem for DeflectionProblem<'_> {
             0.0
         } else {
             let before = before.unwrap_or(self.begun);
-            (LEFT * before.powi(2)).cbrt().min(LAST_STEP)
+            (LEFT * before).sqrt().min(LAST_STEP)
         }
     }
 }
