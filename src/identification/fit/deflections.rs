@@ -13,8 +13,8 @@ use crate::numeric::least_squares::{LeastSquares, condition_of, sound_factor};
 use crate::observation::RestTorques;
 use crate::task::Method;
 
-/// Where more is uncertain, the last step is taken. After steps of l0 and l1 standard errors the next is shorter than l1 (l1 / l0), where
-/// residuals are small by far: a fit is found when that is less than this ...
+/// Where more is uncertain, the last step is taken. After steps of l0 and l1 standard errors the next is l1 (l1 / l0) long at most, and
+/// shorter by far where residuals are small: a fit is found when that is less than this ...
 const LEFT: f64 = 1e-4;
 /// ... and l1 no longer than this, so that the covariance is that of the estimate to some thousandths.
 const LAST_STEP: f64 = 0.03;
