@@ -509,10 +509,7 @@ impl Bound {
             };
             let violations = feasibility.violations_of(index + 1, &meant);
             if let Some(violation) = violations.first() {
-                // What a person knows are the scenario's own bounds, not the wider ones of the class.
-                let own = Feasibility::new(&self.task).violations_of(index + 1, &meant);
-                let own = own.iter().find(|own| own.what == violation.what);
-                return Err(NoBound::outside(&own.unwrap_or(violation).to_string()));
+                return Err(NoBound::outside(&violation.to_string()));
             }
         }
         Ok(())
