@@ -253,6 +253,7 @@ fn the_truth_is_that_of_the_run() {
         let (place, run) = run_of(&absolute(more), options);
         // What to do next is of the same unknowns, and finds its files.
         let page = place.read("out/s/report.html");
+        let page = page.replace("<span>", "").replace("</span>", "");
         let asked = options.find("--parameters").map_or("", |at| &options[at..]);
         let identify = format!("identify s.toml --measurements measurements.csv {asked}");
         for command in [identify.trim_end(), "lab s.toml --plan out/s/plan.csv"] {
