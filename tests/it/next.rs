@@ -44,10 +44,11 @@ fn the_rest_visits_as_few_configurations_as_the_campaign_may() {
     let workplace = after(3);
     let scenario = workplace.read("s.toml");
     for (most, more) in [(5, 2), (4, 1), (3, 1)] {
-        let design = format!("[design]\nconfigurations = {most}\n");
-        workplace.write("few.toml", scenario.replace("[design]\n", &design));
+        let design = format!("[design]\nexperiments = 6\nconfigurations = {most}");
+        let few = scenario.replace("[design]\nexperiments = 3", &design);
+        workplace.write("few.toml", few);
         workplace
-            .run("next few.toml --quiet --measurements m.csv --experiments 6 --plan-out rest.csv")
+            .run("next few.toml --quiet --measurements m.csv --plan-out rest.csv")
             .ends_with(0);
         let rest = workplace.read("rest.csv");
         let repeats = |row: &str| row.rsplit(',').next().and_then(|each| each.parse().ok());
