@@ -192,7 +192,8 @@ impl Budget {
         }
         if let Some(path) = &self.plot_out {
             let title = format!("{}: accuracy against measurements", scenario.name);
-            let plot = budget_plot(&title, points, self.accuracy_um * 1e-6);
+            let needed = found.needed.as_ref().map(|(point, _)| point);
+            let plot = budget_plot(&title, points, self.accuracy_um * 1e-6, needed);
             report.save(path, &plot);
         }
         let needed = found.needed.as_ref();

@@ -23,6 +23,15 @@ const MARGIN: f64 = 14.0;
 const TITLE: f64 = 50.0;
 /// Where a logarithmic axis of numbers of measurements has numbers, as far as they are whole.
 const COUNTS: [f64; 9] = [1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
+/// Where other logarithmic axes have numbers, and lines without a number in between.
+const NUMBERS: [[&[f64]; 2]; 3] = [
+    [&[1.0, 2.0, 5.0], &[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]],
+    [&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], &[]],
+    [
+        &[1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
+        &[1.1, 1.3, 1.4, 1.6, 1.7, 1.8, 1.9],
+    ],
+];
 /// Longer names are cut.
 const LONGEST_NAME: usize = 26;
 
@@ -96,18 +105,23 @@ impl ChartAxis {
         }
     }
 
-    /// Of logarithms (base 10): numbers at 1, 2, 5, 10, ..., lines at all of 1, 2, 3, ... 10, 20, ...
+    /// Of logarithms (base 10), with the first of [`NUMBERS`] that are enough.
     pub fn logarithmic(range: Range<f64>) -> Self {
-        let at = |factors: &[f64]| logarithms(&range, factors);
-        let (mut major, mut minor) = (at(&[1.0, 2.0, 5.0]), at(&[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]));
-        // Where these are few, all have numbers; where those are, round numbers in between.
-        if major.len() < 3 {
-            major.append(&mut minor);
-        }
-        if major.len() < 3 {
+        let ends = [range.start, range.end];
+        let is_enough = |major: &[f64]| {
+            let mut places = [major, &ends].concat();
+            places.sort_by(f64::total_cmp);
+            let mut gaps = places.windows(2).map(|pair| pair[1] - pair[0]);
+            major.len() >= 3 && gaps.all(|gap| gap <= 0.5 * (ends[1] - ends[0]))
+        };
+        // Where numbers are few or half of the axis has none, there are more; where those are, round ones in between.
+        let numbers = NUMBERS.map(|numbers| numbers.map(|each| logarithms(&range, each)));
+        let found = numbers.into_iter().find(|[major, _]| is_enough(major));
+        let [major, minor] = found.unwrap_or_else(|| {
             let ends = 10_f64.powf(range.start)..10_f64.powf(range.end);
-            major = ticks(&ends, 6).into_iter().map(f64::log10).collect();
-        }
+            let round = ticks(&ends, 6).into_iter().map(f64::log10);
+            [round.collect(), Vec::new()]
+        });
         Self {
             range,
             ticks: major.into_iter().map(numbered).collect(),
@@ -350,8 +364,9 @@ impl Chart {
         let is_whole = |tick: &f64| ((10_f64.powf(*tick) + 0.5).fract() - 0.5).abs() < 1e-9;
         let counts = logarithms(&axes[0].range, &COUNTS).into_iter();
         axes[0].ticks = counts.filter(is_whole).map(numbered).collect();
-        let error = "\u{3c1}\u{2080}, rms residual error [\u{b5}m]";
-        Self::new(axes, ["measurements", error], series)
+        axes[0].minor.retain(is_whole);
+        let error = "\u{3c1}\u{2080}, rms residual error [\u{b5}m], logarithmic";
+        Self::new(axes, ["measurements, logarithmic", error], series)
     }
 
     /// The series that the legend names.
@@ -573,6 +588,9 @@ mod tests {
         let narrow = ChartAxis::logarithmic(0.36..0.77);
         assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
         assert!(ChartAxis::logarithmic(0.62..0.68).ticks.len() >= 3);
+        let beyond_ten = ChartAxis::logarithmic(7.6_f64.log10()..14.0_f64.log10());
+        let numbers: Vec<&String> = beyond_ten.labels().collect();
+        assert_eq!(numbers, ["8", "9", "10", "12"]);
     }
 
     #[test]

@@ -2,20 +2,27 @@
 
 use std::ops::Range;
 
+use nalgebra::{Matrix2, Vector2};
+
 use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
 use crate::identification::patterns::{Pattern, PatternPoint, Patterns};
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::study::selection::{Chosen, Selection, choice_name};
-use crate::text::wording::counted;
+use crate::text::wording::{counted, listed, naming};
 
 /// By what factor lines stand beside each other.
 const ASIDE: f64 = 1.01;
 
-/// `rho_0` against the number of measurements: a line for each number of configurations, the bound that no plan can beat, and the
-/// accuracy that is wanted (m). Returns the SVG text.
-pub fn budget_plot(title: &str, points: &[BudgetPoint], wanted_m: f64) -> String {
+/// `rho_0` against the number of measurements: a line for each number of configurations, the bound that no plan can beat, the
+/// accuracy that is wanted (m), and what it needs. Returns the SVG text.
+pub fn budget_plot(
+    title: &str,
+    points: &[BudgetPoint],
+    wanted_m: f64,
+    needed: Option<&BudgetPoint>,
+) -> String {
     let micro = |point: &BudgetPoint, value: f64| (f64::from(point.experiments), value * 1e6);
     let repeated = repeated_configurations(points).into_iter();
     let of_line = |count: Option<u32>| {
@@ -27,12 +34,18 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint], wanted_m: f64) -> String
     };
     let lines: Vec<_> = repeated.map(Some).chain([None]).map(of_line).collect();
     let middle = (lines.len() as f64 - 1.0) / 2.0;
-    let mut series = Vec::new();
+    let (mut series, mut ring) = (Vec::new(), None);
     for (index, (name, line)) in lines.into_iter().enumerate() {
         // Beside each other, since many of them nearly agree.
         let aside = ASIDE.powf(index as f64 - middle);
-        let beside = line.map(|point| micro(point, point.rho0_m));
-        let beside = beside.map(|(m, rho0)| (m * aside, rho0));
+        let beside = line.map(|point| {
+            let (m, rho0) = micro(point, point.rho0_m);
+            let size = |each: &BudgetPoint| (each.experiments, each.configurations);
+            if needed.map(size) == Some(size(point)) {
+                ring = Some((m * aside, rho0));
+            }
+            (m * aside, rho0)
+        });
         let colour = COLOURS[index % COLOURS.len()];
         series.push(Series::new(&name, colour, Mark::Dotted, beside));
     }
@@ -46,7 +59,11 @@ pub fn budget_plot(title: &str, points: &[BudgetPoint], wanted_m: f64) -> String
     if wanted_m < 2.0 * top {
         let [fewest, most] = ends(points.iter().map(|point| point.experiments.into()));
         let wanted = [fewest, most.max(fewest + 1.0)].map(|at| (at, wanted_m * 1e6));
-        series.push(Series::new("wanted", SOFT, Mark::Line, wanted));
+        let name = format!("wanted: {} \u{b5}m", listed([wanted_m * 1e6], 4));
+        series.push(Series::new(&name, SOFT, Mark::Line, wanted));
+    }
+    if ring.is_some() {
+        series.push(Series::new("needed", INK, Mark::Ring, ring));
     }
     Chart::of_accuracy(series).file(title)
 }
@@ -143,18 +160,34 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
         let nested_model = nested_models.get(each.nested_model)?;
         Some((each.nested_model as f64, predicted(nested_model)?))
     });
+    // The rms goes with the root of the loss, by whose difference to the smallest one the rule goes.
+    let error = |side: f64| {
+        line(&|nested_model| {
+            let judged = nested_model.cross_validation.as_ref().ok()?;
+            let end = 1.0 + side * judged.standard_error / judged.loss;
+            Some(predicted(nested_model)? * end.max(0.0).sqrt())
+        })
+    };
+    let bars = error(-1.0).into_iter().zip(error(1.0));
+    let bars: Vec<(f64, f64)> = bars.flat_map(<[_; 2]>::from).collect();
     let name = |(place, nested_model): (usize, &NestedModel)| {
         let plus = if place > 0 { "+ " } else { "" };
         let added = nested_model.added.word();
         format!("{plus}{added} ({})", nested_model.unknowns)
     };
     let [fitted, predicted] = [line(&fitted), line(&predicted)];
-    let all = fitted.iter().chain(&predicted);
+    let all = fitted.iter().chain(&predicted).chain(&bars);
     let top = all.fold(1e-9, |top: f64, (_, value)| top.max(*value));
     let [blue, orange, ..] = COLOURS;
     let series = vec![
         Series::new("fitted readings", blue, Mark::Dotted, fitted),
         Series::new("blocks that were not", orange, Mark::Dotted, predicted),
+        Series::new(
+            "\u{b1} error beyond the best",
+            orange,
+            Mark::Segments(3.0),
+            bars,
+        ),
         Series::new("recommended", INK, Mark::Ring, chosen),
     ];
     let axes = [
@@ -168,8 +201,9 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
 /// A panel's size, and the height of the title over all (in units of the drawing).
 const PANEL: [f64; 2] = [900.0, 600.0];
 const HEAD: f64 = 50.0;
-/// So many patterns are drawn.
+/// So many patterns are drawn, and waves at so many places.
 const MOST_PANELS: usize = 6;
+const SAMPLES: u32 = 120;
 
 /// The strongest patterns in residuals, a panel each: means over readings with their standard errors, and the pattern. Returns
 /// the SVG text.
@@ -205,7 +239,14 @@ fn panel(pattern: &Pattern) -> Chart {
         ends.map(|end| (point.at, end * factor))
     });
     let bars: Vec<(f64, f64)> = bars.collect();
-    let fitted = line(|point| point.pattern);
+    let fitted = wave(pattern).map_or_else(
+        || line(|point| point.pattern),
+        |wave| {
+            wave.into_iter()
+                .map(|(at, value)| (at, value * factor))
+                .collect()
+        },
+    );
     let [x, y] = [
         bars.iter().map(|point| point.0).collect::<Vec<_>>(),
         bars.iter().chain(&fitted).map(|point| point.1).collect(),
@@ -216,9 +257,10 @@ fn panel(pattern: &Pattern) -> Chart {
             .fold(1e-9, |most: f64, value| most.max(value.abs()));
         ChartAxis::linear(reach(values, 0.05, 1e-9 * largest), 6)
     });
-    let at = pattern.joint.as_deref().unwrap_or(pattern.kind);
+    let of_joint = pattern.kind.starts_with("joint").then_some(&pattern.joint);
+    let of = naming(of_joint.into_iter().flatten(), " of {}");
     let names = [
-        &*format!("{at} [{}]", pattern.at_unit),
+        &*format!("{}{of} [{}]", pattern.kind, pattern.at_unit),
         &*format!("residual [{unit}]"),
     ];
     let series = vec![
@@ -229,6 +271,33 @@ fn panel(pattern: &Pattern) -> Chart {
     Chart::new([x, y], names, series)
 }
 
+/// A wave of the pattern's size along the scale of its points, in that phase which goes best with what the pattern says there; none of
+/// another pattern.
+fn wave(pattern: &Pattern) -> Option<Vec<(f64, f64)>> {
+    let waves = match pattern.at_unit {
+        "deg" => pattern.harmonic? as f64,
+        _ => pattern.harmonic.map(|_| 1.0)?,
+    };
+    let turned = |at: f64| {
+        let (sin, cos) = (waves * at.to_radians()).sin_cos();
+        Vector2::new(cos, sin)
+    };
+    let (mut squares, mut right) = (Matrix2::zeros(), Vector2::zeros());
+    for point in &pattern.points {
+        let turned = turned(point.at);
+        squares += turned * turned.transpose();
+        right += turned * point.pattern;
+    }
+    let phase = (squares.try_inverse()? * right).try_normalize(0.0)?;
+    let [from, to] = ends(pattern.points.iter().map(|point| point.at));
+    let at =
+        (0..=SAMPLES).map(|sample| from + (to - from) * f64::from(sample) / f64::from(SAMPLES));
+    Some(
+        at.map(|at| (at, pattern.size * phase.dot(&turned(at))))
+            .collect(),
+    )
+}
+
 fn panel_title(pattern: &Pattern) -> String {
     let joint = pattern.joint.as_deref();
     let share = 100.0 * pattern.share;
@@ -237,7 +306,7 @@ fn panel_title(pattern: &Pattern) -> String {
         (None, Some(joint)) => format!("{joint}, {}", pattern.kind),
         _ => pattern.kind.to_owned(),
     };
-    format!("{what}: {share:.1} % of the residuals' variance")
+    format!("{what}: {share:.1} % of variance")
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use crate::record::messages::ProvenanceMessage;
 use crate::robot::{Commands, Load, ReadsAlong};
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Instrument, Task, station_named};
-use crate::text::wording::{joined, naming, number, significant};
+use crate::text::wording::{dash, joined, naming, number, significant};
 
 const STYLE: &str = include_str!("pages/run_sheet.css");
 /// More readings than this at one stop are written into the file.
@@ -112,6 +112,7 @@ pub fn run_sheet(
         "columns": columns,
         "places": places.iter().map(place).collect::<Vec<_>>(),
         "groups": groups,
+        "take_off": stops.last().filter(|stop| stop.load.is_some()).map(|stop| take_off(stop).to_lowercase()),
     });
     templates.page(&title, "run_sheet.html", &sheet)
 }
@@ -258,11 +259,27 @@ fn shown(commands: &Commands, campaign: &Campaign, index: usize, columns: &[Stri
     let rest = (stop.readings as usize).saturating_sub(lines.len());
     let line = |(number, [experiment, reading]): (usize, &[String; 2])| {
         let nominal = stop.lengths.get(number).copied().flatten();
+        // A length or what a gauge shows alone, or all but these.
+        let alone = nominal.map(|length| length_column(length.kind));
+        let alone = alone.or(stop.direction.map(|_| DISPLACEMENT.to_owned()));
+        let is_alone = |column: &String| {
+            let mut lengths = LengthKind::ALL.into_iter().map(length_column);
+            column == DISPLACEMENT || lengths.any(|length| length == *column)
+        };
+        let is_read = |column: &String| match &alone {
+            Some(alone) => column == alone,
+            None => !is_alone(column),
+        };
+        let is_one_read = columns.iter().any(is_read);
         let near = columns.iter().map(|column| {
+            if is_one_read && !is_read(column) {
+                return Some(dash());
+            }
             let own = nominal.filter(|length| length_column(length.kind) == *column);
             let own = own.map(|length| format!("{:.2}", length.length_m * 1e3));
             let at_gauge = stop.at_gauge.filter(|_| column == DISPLACEMENT);
-            own.or(at_gauge.map(|at_gauge| at_gauge.shows()))
+            let near = own.or(at_gauge.map(|at_gauge| at_gauge.shows()));
+            near.map(|near| format!("near {near}"))
         });
         let near: Vec<Option<String>> = near.collect();
         json!({ "experiment": experiment, "reading": reading, "near": near })

@@ -221,11 +221,16 @@ impl<'a> Stills<'a> {
     }
 }
 
-/// A square around the tool and its load (px).
+/// A square around the tool and its load (px), inside the picture.
 fn close_up(camera: &Camera, scene: &Scene) -> [f64; 4] {
     let [from, to] = [&scene.tool, &scene.arrow_end].map(|point| camera.see(point));
+    let size = camera.size_px;
     let side = 2.4 * (to[0] - from[0]).hypot(to[1] - from[1]).max(20.0);
-    let corner = |axis: usize| f64::midpoint(from[axis], to[axis]) - 0.5 * side;
+    let side = side.min(size[0]).min(size[1]).floor();
+    let corner = |axis: usize| {
+        let about = f64::midpoint(from[axis], to[axis]) - 0.5 * side;
+        about.min((size[axis] - side).floor()).max(0.0)
+    };
     [corner(0), corner(1), side, side].map(f64::round)
 }
 

@@ -503,7 +503,10 @@ fn budget_says_how_many_measurements_are_needed() {
         found <= planned.as_f64().expect("a number") * (1.0 + 1e-9),
         "{two} {planned}"
     );
-    assert!(place.read("plot.svg").starts_with("<svg"));
+    let plot = place.read("plot.svg");
+    assert!(plot.starts_with("<svg") && plot.contains("wanted: 7 \u{b5}m"));
+    assert!(plot.contains(">needed<"));
+    crate::browser::plot_looks_well(&place.path("plot.svg"));
     let arguments = arguments.replace("--accuracy-um 7", "--accuracy-um 1");
     let outcome = place.run(&arguments).ends_with(3);
     assert!(outcome.json()["needed"].is_null());

@@ -111,7 +111,9 @@ fn assert_agrees(page: &str, results: &Value) {
             panic!("two ends")
         };
         let [low, high] = [low, high].map(|end| number(Some(end * 1e6), 4));
-        texts.push(format!("<td>{low} to {high}</td>"));
+        texts.push(format!(
+            "<td><span class=\"unit\">{low} to {high}</span></td>"
+        ));
     }
     for plan in results["study"].as_array().expect("an array") {
         texts.extend([three(&plan["mean_mm"]), three(&plan["rms_mm"])]);

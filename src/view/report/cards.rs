@@ -13,8 +13,10 @@ use crate::view::card::Card;
 use crate::workflow::run::{AbsoluteRun, RANDOM_PLANS, RUN, RunOutcome, TriedPlan};
 
 /// What holds where there is nothing to look at.
-const ALL_HOLD: &str = "On the virtual robot: every compliance that was asked for is determined, the residuals fit the instrument, and \
-                        the plan keeps all bounds of the scenario.";
+const ALL_HOLD: &str =
+    "the residuals fit the instrument, and the plan keeps all bounds of the scenario.";
+/// What holds beside it, where it does.
+const ALL_DETERMINED: &str = "every compliance that was asked for is determined";
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
 
@@ -239,11 +241,17 @@ pub(super) fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
         .map(|plan| &plan.record.name);
     let words = " Of the plans beside it, {} keep not all of them.";
     let of_others = naming(violating, words);
-    let answer = match &*of_others {
-        "" => "all hold",
-        _ => "all hold for this plan",
+    let found = &outcome.tried[0].record.identification;
+    let values = found.parameters.iter().zip(&found.compliance_rad_per_nm);
+    let unknown = values.filter_map(|(name, value)| value.is_none().then_some(name));
+    let unknown = naming(unknown, "the plan does not determine the compliance of {}");
+    let (tone, answer, determined) = match (&*unknown, &*of_others) {
+        ("", "") => ("good", "all hold", ALL_DETERMINED),
+        ("", _) => ("good", "all hold for this plan", ALL_DETERMINED),
+        (unknown, _) => ("", "not every compliance is determined", unknown),
     };
-    let holds = || Card::new("good", "Checks", answer, ALL_HOLD.to_owned() + &of_others);
+    let about = format!("On the virtual robot: {determined}, {ALL_HOLD}{of_others}");
+    let holds = || Card::new(tone, "Checks", answer, about);
     conditions_card(shown.conditions).unwrap_or_else(holds)
 }
 

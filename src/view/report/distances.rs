@@ -45,6 +45,7 @@ pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let highest = (lines.iter())
         .flat_map(|(runs, _)| shares(runs).map(|(_, share)| share))
         .fold(f64::MIN_POSITIVE, f64::max);
+    let note = |runs: &StudyPlanMessage| format!("mean {}", micrometres(runs.mean_mm));
     let hills = lines.iter().enumerate().flat_map(|(row, (runs, colour))| {
         let foot = middle(lines.len(), row) - 0.46;
         let inside = |x: &f64| range.contains(x);
@@ -59,11 +60,11 @@ pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
         [
             Series::new("", colour, Mark::Area(0.35), closed),
             Series::new("", colour, Mark::Line, shape),
-            Series::new("", INK, Mark::Segments(4.0), mean),
+            Series::new("", INK, Mark::Segments(4.0), mean)
+                .tipped(|_, _, _| format!("{}: {}", runs.name, note(runs))),
         ]
     });
     let hills = hills.collect();
-    let note = |runs: &StudyPlanMessage| format!("mean {}", micrometres(runs.mean_mm));
     let rows = lines
         .iter()
         .map(|(runs, _)| (runs.name.clone(), note(runs)));
@@ -90,8 +91,9 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let intervals = means
         .iter()
         .enumerate()
-        .flat_map(|(row, (_, ends_mm, colour))| {
+        .flat_map(|(row, (name, ends_mm, colour))| {
             Series::interval(ends_mm.map(logarithm), middle(means.len(), row), colour)
+                .map(|each| each.tipped(|_, x, _| format!("{name}: {:.2} \u{b5}m", 10_f64.powf(x))))
         });
     let title = "mean residual error [\u{b5}m], logarithmic";
     let chart = Chart::of_rows(rows, axis, title, intervals.collect());
@@ -106,8 +108,11 @@ pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let series = |(index, (runs, colour)): (usize, &PlanLine<'_>)| {
         // Colours come again.
         let mark = [Mark::Line, Mark::Dashed][usize::from(index >= COLOURS.len())];
+        // From the axis' beginning on.
+        let before = below(runs).take_while(|(x, _)| *x <= range.start).last();
+        let first = (range.start, before.map_or(0.0, |(_, share)| share));
         let points = below(runs).filter(|(x, _)| range.contains(x));
-        Series::new(&runs.name, colour, mark, points)
+        Series::new(&runs.name, colour, mark, [first].into_iter().chain(points))
     };
     let axes = [
         ChartAxis::logarithmic(range.clone()),
@@ -119,10 +124,10 @@ pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     whole(&chart, title)
 }
 
-/// The upper end of each bin (logarithm of um) and the share of the runs below it (%).
+/// Each end of a bin (logarithm of um) and the share of the runs below it (%).
 fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
-    let ends = runs.histogram.edges_mm.iter().skip(1);
-    let counts = runs.histogram.counts.iter();
+    let ends = runs.histogram.edges_mm.iter();
+    let counts = [0].iter().chain(&runs.histogram.counts);
     counts.zip(ends).scan(0, |below, (count, end)| {
         *below += count;
         Some((logarithm(*end), 100.0 * *below as f64 / runs.runs as f64))

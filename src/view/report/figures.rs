@@ -99,7 +99,8 @@ pub fn compliances_figure(calibration: &CalibrationMessage) -> String {
     let mut series = vec![Series::new("", INK, Mark::Segments(2.0), upwards)];
     for (row, ends) in errors.iter().enumerate() {
         let interval = ends.map(|ends| Series::interval(ends, middle(count, row), COLOURS[0]));
-        series.extend(interval.into_iter().flatten());
+        let tip = |_: &str, x: f64, _| format!("{}: {x:.2} %", found.parameters[row]);
+        series.extend(interval.into_iter().flatten().map(|each| each.tipped(tip)));
     }
     let axis = ChartAxis::linear(-high..high, 6);
     let title = "estimate less simulated truth, share of it [%]";

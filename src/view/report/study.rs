@@ -137,7 +137,11 @@ fn cards(study: &StudyPageRecord<'_>) -> Vec<Card> {
     let largest = z.fold(0.0, f64::max);
     let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
-    let tone = if largest < 4.0 { "good" } else { "bad" };
+    let tone = match largest {
+        ..3.0 => "good",
+        ..4.0 => "",
+        _ => "bad",
+    };
     let answer = format!("off by {largest:.1} sigma at most");
     cards.push(Card::new(tone, "Prediction", answer, about));
     cards.extend(conditions_card(study.conditions));

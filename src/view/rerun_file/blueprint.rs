@@ -3,8 +3,8 @@
 use nalgebra::Vector3;
 use re_sdk::blueprint::components::{BackgroundKind, Corner2D, PanelState, PlayState};
 use re_sdk::blueprint::{
-    Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel, Spatial3DView,
-    TextDocumentView, TimePanel, TimeSeriesView,
+    BarChartView, Blueprint, BlueprintActivation, BlueprintPanel, ContainerLike, SelectionPanel,
+    Spatial3DView, TextDocumentView, TimePanel, TimeSeriesView,
 };
 use re_sdk::log::LogMsg;
 use re_sdk::{
@@ -81,6 +81,14 @@ impl<'a> Layout<'a> {
         });
         let axis = TimeAxis::new().with_view_range(TimeRange { start, end });
         self.set(&view, "TimeAxis", &axis);
+        view
+    }
+
+    /// Bars of these entities.
+    pub(super) fn bars(&mut self, name: &str, shown: Vec<String>) -> ContainerLike {
+        let view = BarChartView::new(name).with_contents(shown).into();
+        let legend = PlotLegend::new().with_corner(Corner2D::LeftTop);
+        self.set(&view, "PlotLegend", &legend);
         view
     }
 

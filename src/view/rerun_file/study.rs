@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use re_sdk::blueprint::components::PlayState;
-use re_sdk::blueprint::{BarChartView, ContainerLike, Horizontal, Tabs, Vertical};
+use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
 use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
 
@@ -144,9 +144,10 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
     let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
     let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
+    let distributions = distributions(study, layout);
     let right = Vertical::new([
         layout.curves(means, "means_um"),
-        Tabs::new(sources.into_iter().chain(distributions(study))).into(),
+        Tabs::new(sources.into_iter().chain(distributions)).into(),
         text("results so far", "text/table"),
     ]);
     Horizontal::new([left, right.with_row_shares([1.1, 1.1, 1.0]).into()])
@@ -155,10 +156,10 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
 }
 
 /// Each plan's distribution with that of the plan that it is compared with, the last plan's first.
-fn distributions(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> {
+fn distributions(study: &StudyRecording, layout: &mut Layout) -> Vec<ContainerLike> {
     let header = &study.header;
     let labels = header.labels();
-    let view = move |index: usize| {
+    let view = |index: usize| {
         let plan = &labels[index];
         let compared = (header.plans[index]
             .reference
@@ -167,15 +168,12 @@ fn distributions(study: &StudyRecording) -> impl Iterator<Item = ContainerLike> 
         let shown: Vec<String> = (compared.into_iter().chain([plan]))
             .map(|name| distance_path(name).to_string())
             .collect();
-        let name = match compared {
-            Some(reference) => format!("{plan}, {reference}: % of runs per µm, up to 95 % of them"),
-            None => format!("{plan}: % of runs per µm, up to 95 % of them"),
-        };
-        BarChartView::new(name).with_contents(shown).into()
+        layout.bars(plan, shown)
     };
     let plans = header.plans.len();
-    let others = move |index: &usize| plans == 1 || header.plans[*index].reference != Some(*index);
-    (0..plans).rev().filter(others).take(MOST_TABS).map(view)
+    let others = |index: &usize| plans == 1 || header.plans[*index].reference != Some(*index);
+    let shown = (0..plans).rev().filter(others).take(MOST_TABS);
+    shown.map(view).collect()
 }
 
 fn mean_path(plan: &str) -> EntityPath {

@@ -6,6 +6,7 @@ use super::text::{heading, origin};
 use crate::study::account::Contribution;
 use crate::task::AccuracyKind;
 use crate::text::markdown_text;
+use crate::view::markup::for_page;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 use crate::view::tables;
 
@@ -25,7 +26,7 @@ pub(super) fn about(study: &StudyRecording) -> String {
              loaded tool from where the identified robot predicts it at the test poses."
         }
     };
-    text += " All plans see the same noise.\n\n";
+    text += " All plans see the same noise. Bars: % of runs per \u{b5}m, up to 95 % of them, of a plan and of what it is compared with.\n\n";
     if study.header.shards > 1 {
         let _ = writeln!(
             text,
@@ -53,6 +54,7 @@ pub(super) fn table(study: &StudyRecording, snapshot: &Snapshot) -> String {
     );
     for plan in &snapshot.plans {
         if let Some(outcome) = plan.outcome() {
+            let outcome = for_page(&outcome);
             let _ = writeln!(text, "\n{}: {outcome}.", markdown_text(&plan.name));
         }
     }
