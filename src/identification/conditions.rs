@@ -37,8 +37,8 @@ pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -
 }
 
 /// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and
-/// of as small ones. Small ones are a condition below a share of the standard deviations, unless there is no noise; large ones where what the model leaves is not counted, or is more
-/// than robots have it leave: of positions (m) what is left and what is usual, and of rotations (rad).
+/// of as small ones. Small ones are a condition below a share of the standard deviations, unless there is no noise; large ones where what the
+/// model leaves is not counted, or is more than robots have it leave: of positions (m) what is left and what is usual, and of rotations (rad).
 pub(super) fn inconsistent(
     [larger, smaller]: [Option<f64>; 2],
     deviations: &str,
