@@ -42,8 +42,9 @@ fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f6
 fn absolute_targets_are_reached_by_joints_that_are_off() {
     let mut random = generator(71, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    let gear = waves(&mut random);
-    let place = workplace(&read_of(&mut random, &arm, 250, 0.0, &gear));
+    let waves = waves(&mut random);
+    let gear = waves.as_ref();
+    let place = workplace(&read_of(&mut random, &arm, 250, 0.0, gear));
     place.run(
         "identify s.toml --quiet --measurements m.csv --parameters zeros --identified-out i.json",
     );
@@ -63,7 +64,7 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
     let mut wanted = Vec::new();
     for _ in 0..40 {
         let told = DVector::from_fn(6, |_, _| between(&mut random, -2.2, 2.2));
-        let pose = stands(&arm, &gear, &told);
+        let pose = stands(&arm, gear, &told);
         let ([x, y, z], q) = ((pose.translation.vector * 1e3).into(), pose.rotation);
         let _: [f64; 3] = [x, y, z];
         let _ = writeln!(table, "{x},{y},{z},{},{},{},{}", q.w, q.i, q.j, q.k);
@@ -80,7 +81,7 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
         let off = found.iter().zip(&wanted).map(|(found, wanted)| {
             let told = numbers(&found["q_commanded_deg"]);
             let told = told.into_iter().map(f64::to_radians);
-            let pose = stands(&arm, &gear, &DVector::from_iterator(6, told));
+            let pose = stands(&arm, gear, &DVector::from_iterator(6, told));
             (pose.translation.vector - wanted.translation.vector).norm()
         });
         off.sum::<f64>() / wanted.len() as f64 * 1e3
@@ -110,4 +111,72 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
             .any(|each| each.contains("off by as functions of their own angles")),
         "{said:?}"
     );
+    // The table has them, and the model what goes with that: commands by both bring the tool where it is wanted.
+    let json = place
+        .run("export s.toml --quiet --identified i.json --model-out d.xml --joint-errors-out e.csv --json")
+        .json();
+    assert_eq!(json["not_expressed"], json!([]));
+    let off = |model: &str, table: &[TableRow]| {
+        let text = place.read("s.toml").replace("models/ur10.xml", model);
+        place.write("calibrated.toml", text);
+        let scenario = Scenario::load(&place.path("calibrated.toml")).expect("a scenario");
+        let mut said = scenario.task.belief.arm();
+        said.instrument_from_base = vec![Isometry3::identity()];
+        let gear = |joint: usize, angle: f64| error_at(table, &scenario, joint, angle);
+        let mut random = generator(71, 1);
+        let told: Vec<_> = (0..40)
+            .map(|_| DVector::from_fn(6, |_, _| between(&mut random, -2.2, 2.2)))
+            .collect();
+        // Distances between places do not hang on where the base stands.
+        let pairs = told.windows(2).map(|pair| {
+            let [one, other] =
+                [(&arm, waves.as_ref()), (&said, &gear as Gear<'_>)].map(|(arm, gear)| {
+                    let [one, other] = [0, 1].map(|each| stands(arm, gear, &pair[each]));
+                    (one.translation.vector - other.translation.vector).norm()
+                });
+            (one - other).abs()
+        });
+        pairs.sum::<f64>() / 39.0 * 1e3
+    };
+    let table = read_table(&place.read("e.csv"));
+    let (with, without) = (off("d.xml", &table), off("c.xml", &[]));
+    println!("{with:.4} mm, {without:.4} mm without");
+    assert!(without > 0.1 && with < 0.4 * without, "{with} {without}");
+    let plain =
+        "export s.toml --quiet --identified plain.json --model-out f.xml --joint-errors-out g.csv";
+    let outcome = place.run(plain).ends_with(1);
+    assert!(
+        outcome.stderr.contains("--without-joint-errors"),
+        "{}",
+        outcome.stderr
+    );
+    assert!(!place.path("f.xml").exists());
+}
+
+/// A joint's name, an angle (rad), and by how much further the joint stands there (rad).
+type TableRow = (String, f64, f64);
+
+fn read_table(text: &str) -> Vec<TableRow> {
+    let lines = text.lines().filter(|line| !line.starts_with('#')).skip(1);
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        assert_eq!((cells[1], cells[3]), ("deg", "mrad"));
+        let [at, error] = [2, 4].map(|cell| cells[cell].parse::<f64>().expect("a number"));
+        (cells[0].to_owned(), at.to_radians(), error * 1e-3)
+    };
+    lines.map(row).collect()
+}
+
+/// The error between the rows of a table.
+fn error_at(table: &[TableRow], scenario: &Scenario, joint: usize, angle: f64) -> f64 {
+    let name = &scenario.task.belief.nominal.chain.joints[joint].name;
+    let own: Vec<&TableRow> = table.iter().filter(|row| row.0 == *name).collect();
+    let after = own.partition_point(|row| row.1 < angle);
+    match (after.checked_sub(1).map(|place| own[place]), own.get(after)) {
+        (Some(one), Some(other)) => {
+            let share = (angle - one.1) / (other.1 - one.1);
+            one.2 + share * (other.2 - one.2)
+        }
+        _ => 0.0,
+    }
 }

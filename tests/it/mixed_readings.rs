@@ -10,7 +10,7 @@ use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::ReadPlan;
 use elastocal::testbed::TrueRobots;
-use elastocal::workflow::identify::identify_absolute;
+use elastocal::workflow::identify::{FitChoices, identify_absolute};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -19,7 +19,7 @@ use crate::absolute_campaigns::fits_alike;
 use crate::absolute_trials::holds;
 use crate::support::{Workplace, number, project, scenario_text};
 
-const WEIGHTS: (ReadingWeights, bool) = (ReadingWeights::AsNeeded, false);
+const CHOICES: FitChoices = FitChoices::weighed(ReadingWeights::AsNeeded);
 /// Of the tracker alone.
 const RANGE: &str =
     "\n[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 8\nalong_um_per_m = 1\n";
@@ -298,7 +298,7 @@ fn identified(scenario: &Scenario, rows: &[Candidate], run: u64) -> (Vec<f64>, f
     let mut robots = robots.expect("a robot");
     (robots.become_run_of(truth, plan.len(), 5, run)).expect("a run");
     let readings = plan.readings(task, &mut robots, 5, run).expect("at rest");
-    let fit = identify_absolute(&task.belief, &readings, &[], WEIGHTS)
+    let fit = identify_absolute(&task.belief, &readings, &[], CHOICES)
         .expect("a fit")
         .fit;
     let error = |(index, parameter): (usize, &Parameter)| {

@@ -29,7 +29,7 @@ use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
 pub(super) use components::in_blocks;
-pub use known::VarianceComponents;
+pub use known::{ComponentIntervals, VarianceComponents};
 use pose_readings::{by_pose, sums_of};
 
 /// No joint has more knots.
@@ -115,6 +115,8 @@ pub(super) struct MixedModel {
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
+    /// The middle of the turn in which each joint's angle counts, if it has several.
+    turn_about: Vec<Option<f64>>,
     /// Variances to start from, of positions and of rotations, that readings of one visit share,
     shared: [f64; 2],
     /// and those that they do not share.
@@ -156,6 +158,9 @@ impl MixedModel {
                 })
                 .collect(),
             pull: -basis.tr_mul(&pull),
+            turn_about: (joints.iter())
+                .map(|&joint| case.arm.chain.joints[joint].turn_about())
+                .collect(),
             joints,
             units: posterior.estimable.basis_in_units(),
             shared: [0, 1].map(|part| discrepancy[part].powi(2) - case.within[part].powi(2)),
@@ -173,7 +178,8 @@ impl MixedModel {
             let (rows, setup) = (&rows[index], &case.observations[index].setup);
             let count = rows.residual.len();
             let station = case.arm.instrument_from_base[setup.station];
-            let angle = |&joint: &usize| setup.commanded_rad[joint];
+            let joints = &case.arm.chain.joints;
+            let angle = |&joint: &usize| joints[joint].in_turn(setup.commanded_rad[joint]);
             PoseReadings {
                 residual: rows.residual.clone(),
                 fixed: &rows.columns * &self.units,
@@ -264,6 +270,7 @@ impl MixedModel {
             pulls,
             joints: self.joints.clone(),
             units: stack![self.units, 0; 0, other.units],
+            turn_about: self.turn_about.clone(),
             shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
