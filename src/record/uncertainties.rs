@@ -48,18 +48,16 @@ struct WrittenTables {
 }
 
 impl WrittenTables {
-    /// Adds a table with its intervals in words, unless its estimate is at zero, beside the upper limit of that: a plan would take that for
-    /// exact.
+    /// Adds a table with its intervals in words, unless its estimate is at zero or has no interval, beside the upper limit of that: a plan
+    /// would take that for exact.
     fn add(&mut self, table: ComponentMessage, most: f64, intervals: &str) {
         let (std, unit) = match table.std_mm {
             Some(std) => (std, "mm"),
             None => (table.std_mrad.unwrap_or(0.0), "mrad"),
         };
         let name = &table.name;
-        if std > LEAST.max(NOTHING * most) {
-            if !intervals.is_empty() {
-                self.comments += &format!("# {name}, 95 %: {intervals}.\n");
-            }
+        if std > LEAST.max(NOTHING * most) && !intervals.is_empty() {
+            self.comments += &format!("# {name}, 95 %: {intervals}.\n");
             return self.uncertainty.push(table);
         }
         let limit =
@@ -132,7 +130,9 @@ pub fn uncertainty_tables(
             let each = names.into_iter().zip(both).zip(units);
             each.filter_map(|((name, ends), unit)| Some(format!("{name} {}", said(ends, unit)?)))
         });
-        tables.add(table, 0.0, &joined(intervals, ", "));
+        let is_known = found.is_some_and(|(_, known)| known.deviations[place].is_some());
+        let intervals = joined(intervals.take_while(|_| is_known), ", ");
+        tables.add(table, 0.0, &intervals);
     }
     let returned = |joints: &[usize], std: f64| {
         let std = std * OF_A_DIFFERENCE;

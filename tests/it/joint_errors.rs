@@ -3,12 +3,17 @@
 use std::fmt::Write as _;
 
 use elastocal::codes::{Condition, ConditionCode};
+use elastocal::identification::patterns::{Against, Course, Drifting, Pattern};
+use elastocal::identification::{ParameterGroup, ReadingWeights};
+use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
+use elastocal::workflow::identify::{FitChoices, identify_absolute};
 use nalgebra::{DVector, Isometry3, Matrix6xX, Rotation3, UnitQuaternion};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 
 use crate::model_selection::{Gear, read_of, waves};
@@ -115,7 +120,8 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
     let json = place
         .run("export s.toml --quiet --identified i.json --model-out d.xml --joint-errors-out e.csv --json")
         .json();
-    assert_eq!(json["not_expressed"], json!([]));
+    let said = json["not_expressed"].to_string();
+    assert!(!said.contains("off by as functions"), "{said}");
     let off = |model: &str, table: &[TableRow]| {
         let text = place.read("s.toml").replace("models/ur10.xml", model);
         place.write("calibrated.toml", text);
@@ -179,4 +185,49 @@ fn error_at(table: &[TableRow], scenario: &Scenario, joint: usize, angle: f64) -
         }
         _ => 0.0,
     }
+}
+
+/// Robots whose joints err by functions of their own angles, read while the base shifts by so much (m); whether a drift is found beside these.
+fn drifts(seed: u64, shift_m: f64) -> Vec<Pattern> {
+    let scenario = ur10();
+    let mut random = generator(72, seed);
+    let arm = seen_arm(&mut random, &scenario, 1, 1);
+    let kernel = Kernel {
+        correlation: Correlation::Matern32,
+        length: 0.1,
+    };
+    let functions: Vec<_> = (0..6)
+        .map(|joint| SampledFunction::new(kernel, generator(73, seed), joint))
+        .collect();
+    let gear = |joint: usize, angle: f64| 4e-4 * functions[joint].at(angle);
+    let mut readings = read_of(&mut random, &arm, 150, 0.0, &gear);
+    for (index, each) in readings.iter_mut().enumerate() {
+        let along = index as f64 / 149.0 - 0.5;
+        each.position_m.y += shift_m * along;
+        each.temperature_c = Some(between(&mut random, 20.0, 25.0));
+    }
+    let choices = FitChoices::weighed(ReadingWeights::AsNeeded);
+    let groups = [ParameterGroup::Zeros];
+    let found = identify_absolute(&scenario.task.belief, &readings, &groups, choices);
+    let found = found.expect("a fit").drifts.expect("joint error functions");
+    assert_eq!((found.looked_at, found.kinds.len()), (16, 2));
+    found.found
+}
+
+/// Joint error functions of 0.2 mm hide a drift of half as much; beside them it is named, and none where there is none: of 40 files 0.4 alarms
+/// are expected at a level of 1 %, and four or more in one of 1200.
+#[test]
+fn drifts_show_beside_joint_errors() {
+    let alarms: Vec<u64> = (0..40_u64)
+        .into_par_iter()
+        .filter(|seed| !drifts(*seed, 0.0).is_empty())
+        .collect();
+    assert!(alarms.len() < 4, "{alarms:?}");
+    (0..8).into_par_iter().for_each(|seed| {
+        let found = drifts(seed, 1e-4);
+        let first = &found[0];
+        let is_it = Against::Course(Course::Order, Drifting::Base);
+        assert_eq!(first.against, is_it, "{}", first.sentence);
+        assert!((0.5e-4..1.5e-4).contains(&first.size), "{}", first.size);
+    });
 }

@@ -165,17 +165,22 @@ fn predictions_hold_of_an_arm_on_a_rail() {
     holds(&json["trials"]);
 }
 
-/// Plans choose among both, each distance within its range.
+/// Plans choose among both, and each distance that is sampled is within its range.
 #[test]
 fn plans_choose_among_both() {
     let place = workplace();
-    let planned = place.json("plan s.toml --draw 12 --experiments 24 --plan-out drawn.csv");
+    let lengths = |planned: &Value| -> Vec<f64> {
+        let rows = planned["plan"].as_array().expect("a list").iter();
+        rows.filter_map(|row| row["distance_mm"].as_f64()).collect()
+    };
+    place.write("bar.toml", scenario_text("ur10_ballbar"));
+    let sampled = lengths(&place.json("plan bar.toml --draw 12 --experiments 24"));
+    assert!(sampled.len() > 2 && sampled.iter().all(|mm| (290.0..=310.0).contains(mm)));
+    let planned =
+        place.json("plan s.toml --candidates plan.csv --experiments 16 --plan-out drawn.csv");
     let rows = planned["plan"].as_array().expect("a list");
-    let lengths: Vec<f64> = (rows.iter())
-        .filter_map(|row| row["distance_mm"].as_f64())
-        .collect();
-    assert!(lengths.iter().all(|mm| (290.0..=310.0).contains(mm)));
-    assert!(lengths.len() > 2 && lengths.len() < rows.len(), "{planned}");
+    let by_bar = lengths(&planned).len();
+    assert!(by_bar > 2 && by_bar < rows.len(), "{planned}");
     for row in rows {
         assert_eq!(row["distance_mm"].is_null(), row["station"] == "tracker");
     }
