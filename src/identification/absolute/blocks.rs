@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
+use super::mixed::MixedVariances;
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, FitResult, JointError, ReadingResidual,
     RejectedReading, joint_space_blocks,
@@ -248,18 +249,20 @@ impl<'a> Blocks<'a> {
         })
     }
 
-    /// The same with joint error functions beside the parameters, of a fit that leaves such a discrepancy; none where some other blocks are
-    /// too few for these.
+    /// The same with joint error functions beside the parameters, of a fit that leaves such a discrepancy, found from the variances of
+    /// all; none where some other blocks are too few for these.
     pub fn with_joint_errors(
         &self,
         (fit, discrepancy): (&ParameterFit, [f64; 2]),
+        of_all: &MixedVariances,
         without: &[Without],
     ) -> Option<Vec<Without>> {
         let of_block = |(block, without): (usize, &Without)| {
             let rest = (self.case).part_of(|index| self.of_readings[index] != block);
             let mut others = fit.clone();
             others.posterior.mean = without.values.as_slice().to_vec();
-            let model = rest.likeliest_discrepancy_model(&others, discrepancy)?;
+            let (model, _) =
+                rest.likeliest_discrepancy_model(&others, discrepancy, Some(of_all))?;
             let values = &without.values + &model.shift;
             let part = self.parts[block].displaced(&model.joints);
             Some(Without {

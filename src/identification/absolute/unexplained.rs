@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::super::estimate::told_degrees;
 use super::super::fit::ParameterFit;
-use super::mixed::{ComponentIntervals, MixedModel, VarianceComponents};
+use super::mixed::{ComponentIntervals, MixedModel, MixedVariances, VarianceComponents};
 use super::residuals::LinearReading;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexplained};
@@ -28,13 +28,19 @@ impl AbsoluteCase<'_> {
         self.mixed_of(&fit.set, &fit.posterior, joints, discrepancy)
     }
 
-    /// Joint error functions and what is new at each visit, the likeliest; none where there is too little to tell.
+    /// Joint error functions and what is new at each visit, the likeliest, beginning with those of like readings, and their variances; none
+    /// where there is too little to tell.
     pub(super) fn likeliest_discrepancy_model(
         &self,
         fit: &ParameterFit,
         discrepancy: [f64; 2],
-    ) -> Option<DiscrepancyModel> {
-        self.mixed(fit, discrepancy)?.1.likeliest_model()
+        start: Option<&MixedVariances>,
+    ) -> Option<(DiscrepancyModel, MixedVariances)> {
+        let (_, mixed) = self.mixed(fit, discrepancy)?;
+        match start {
+            Some(start) => mixed.begun_at(start).likeliest_model(),
+            None => mixed.likeliest_model(),
+        }
     }
 
     /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing

@@ -90,7 +90,7 @@ pub(super) struct PoseReadings {
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
-struct MixedVariances {
+pub(super) struct MixedVariances {
     /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
     /// is new at configurations, of positions and of rotations, where some are visited again; of how each joint returns at each visit.
     all: Vec<f64>,
@@ -125,6 +125,8 @@ pub(super) struct MixedModel {
     most_knots: usize,
     /// The joints with waves, by their places among all.
     waving: Vec<usize>,
+    /// Variances that are likely, to begin with.
+    start: Option<MixedVariances>,
 }
 
 /// What the model says with some variances.
@@ -167,6 +169,7 @@ impl MixedModel {
             within: case.within.map(|each| each * each),
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
+            start: None,
         };
         model.visits = by_pose(&model.visits_of(case, rows));
         model
@@ -275,7 +278,14 @@ impl MixedModel {
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
+            start: None,
         }
+    }
+
+    /// The same that begins with such variances.
+    pub fn begun_at(mut self, variances: &MixedVariances) -> Self {
+        self.start = Some(variances.clone());
+        self
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
@@ -288,7 +298,7 @@ impl MixedModel {
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
-        let mut variances = self.first();
+        let mut variances = self.start.clone().unwrap_or_else(|| self.first());
         let count = self.visits.len();
         let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
         let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
