@@ -199,7 +199,7 @@ fn drifts(seed: u64, shift_m: f64) -> Vec<Pattern> {
     let arm = seen_arm(&mut random, &scenario, 1, 1);
     let kernel = Kernel {
         correlation: Correlation::Matern32,
-        length: 0.1,
+        length: 0.5,
     };
     let functions: Vec<_> = (0..6)
         .map(|joint| SampledFunction::new(kernel, generator(73, seed), joint))
@@ -229,7 +229,7 @@ fn drifts_show_beside_joint_errors() {
         .collect();
     assert!(alarms.len() < 4, "{alarms:?}");
     (0..8).into_par_iter().for_each(|seed| {
-        let found = drifts(seed, 2.5e-4);
+        let found = drifts(seed, 3e-4);
         let first = &found[0];
         let is_it = Against::Course(Course::Order, Drifting::Base);
         assert_eq!(first.against, is_it, "{}", first.sentence);

@@ -40,6 +40,8 @@ const MOST_BESIDE_WAVES: usize = 16;
 const VISITS_PER_KNOT: usize = 4;
 /// Improvements of the variances; later ones change intervals by a per cent.
 const ROUNDS: usize = 14;
+/// Improvements of variances of like readings.
+const ROUNDS_MORE: usize = 4;
 /// Of what is unexplained in a joint, what is new at each visit to start with.
 const RETURNS: f64 = 0.05;
 /// Deviations that change by less are found.
@@ -298,7 +300,10 @@ impl MixedModel {
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
-        let mut variances = self.start.clone().unwrap_or_else(|| self.first());
+        let (mut variances, rounds) = match &self.start {
+            Some(start) => (start.clone(), ROUNDS_MORE),
+            None => (self.first(), ROUNDS),
+        };
         let count = self.visits.len();
         let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
         let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
@@ -310,7 +315,7 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let (variances, mut solved, _) = sample.settled(variances, limit, ROUNDS, FOUND)?;
+        let (variances, mut solved, _) = sample.settled(variances, limit, rounds, FOUND)?;
         if some.is_some() {
             solved = self.solved(&variances)?;
         }
