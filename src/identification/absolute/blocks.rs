@@ -4,10 +4,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
-use super::mixed::MixedVariances;
 use super::{
-    AbsoluteCase, AbsoluteFit, CopiedReadings, FitResult, JointError, ReadingResidual,
-    RejectedReading, joint_space_blocks,
+    AbsoluteCase, AbsoluteFit, CopiedReadings, DiscrepancyModel, FitResult, JointError,
+    ReadingResidual, RejectedReading, joint_space_blocks,
 };
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
@@ -249,31 +248,27 @@ impl<'a> Blocks<'a> {
         })
     }
 
-    /// The same with joint error functions beside the parameters, of a fit that leaves such a discrepancy, found from the variances of
-    /// all; none where some other blocks are too few for these.
+    /// The same with joint error functions beside the parameters of a fit that leaves such a discrepancy, by the variances of all readings;
+    /// and these functions of all. None where there is too little to tell.
     pub fn with_joint_errors(
         &self,
         (fit, discrepancy): (&ParameterFit, [f64; 2]),
-        of_all: &MixedVariances,
         without: &[Without],
-    ) -> Option<Vec<Without>> {
-        let of_block = |(block, without): (usize, &Without)| {
-            let rest = (self.case).part_of(|index| self.of_readings[index] != block);
-            let mut others = fit.clone();
-            others.posterior.mean = without.values.as_slice().to_vec();
-            let (model, _) =
-                rest.likeliest_discrepancy_model(&others, discrepancy, Some(of_all))?;
-            let values = &without.values + &model.shift;
+    ) -> Option<(DiscrepancyModel, Vec<Without>)> {
+        let (all, others) = (self.case).discrepancy_without_each(fit, discrepancy, &self.parts)?;
+        let values = DVector::from_column_slice(&fit.posterior.mean);
+        let of_block = |(block, (without, model)): (usize, (&Without, DiscrepancyModel))| {
+            let values = &values + &model.shift;
             let part = self.parts[block].displaced(&model.joints);
+            let belief = fit.set.apply(&part.arm, values.as_slice());
             Some(Without {
-                left: part
-                    .left(&fit.set.apply(&part.arm, values.as_slice()))
-                    .ok()?,
+                left: part.left(&belief).ok()?,
                 is_told: without.is_told.clone(),
                 values,
                 joint_errors: model.joints,
             })
         };
-        without.par_iter().enumerate().map(of_block).collect()
+        let blocks = without.iter().zip(others).enumerate();
+        Some((all, blocks.map(of_block).collect::<Option<_>>()?))
     }
 }

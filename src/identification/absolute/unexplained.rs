@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::super::estimate::told_degrees;
 use super::super::fit::ParameterFit;
-use super::mixed::{ComponentIntervals, MixedModel, MixedVariances, VarianceComponents};
+use super::mixed::{ComponentIntervals, MixedModel, VarianceComponents};
 use super::residuals::LinearReading;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexplained};
@@ -28,19 +28,21 @@ impl AbsoluteCase<'_> {
         self.mixed_of(&fit.set, &fit.posterior, joints, discrepancy)
     }
 
-    /// Joint error functions and what is new at each visit, the likeliest, beginning with those of like readings, and their variances; none
+    /// The likeliest joint error functions and what is new at each visit, of all readings and without those of each of some parts; none
     /// where there is too little to tell.
-    pub(super) fn likeliest_discrepancy_model(
+    pub(super) fn discrepancy_without_each(
         &self,
         fit: &ParameterFit,
         discrepancy: [f64; 2],
-        start: Option<&MixedVariances>,
-    ) -> Option<(DiscrepancyModel, MixedVariances)> {
+        parts: &[Self],
+    ) -> Option<(DiscrepancyModel, Vec<DiscrepancyModel>)> {
         let (_, mixed) = self.mixed(fit, discrepancy)?;
-        match start {
-            Some(start) => mixed.begun_at(start).likeliest_model(),
-            None => mixed.likeliest_model(),
-        }
+        let joints = self.commanded_joints();
+        let parts = parts.iter().map(|part| {
+            let found = part.mixed_of(&fit.set, &fit.posterior, joints.clone(), discrepancy);
+            found.map(|(_, mixed)| mixed)
+        });
+        mixed.without_each(&parts.collect::<Option<Vec<_>>>()?)
     }
 
     /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing

@@ -21,8 +21,8 @@ mod standard_errors;
 use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion, stack};
 use rayon::prelude::*;
 
-use super::AbsoluteCase;
 use super::residuals::LinearReading;
+use super::{AbsoluteCase, DiscrepancyModel};
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
@@ -40,8 +40,8 @@ const MOST_BESIDE_WAVES: usize = 16;
 const VISITS_PER_KNOT: usize = 4;
 /// Improvements of the variances; later ones change intervals by a per cent.
 const ROUNDS: usize = 14;
-/// Improvements of variances of like readings.
-const ROUNDS_MORE: usize = 4;
+/// So much of a block counts where it is left out, that nothing becomes undetermined.
+const LEFT_IN: f64 = 1e-6;
 /// Of what is unexplained in a joint, what is new at each visit to start with.
 const RETURNS: f64 = 0.05;
 /// Deviations that change by less are found.
@@ -92,7 +92,7 @@ pub(super) struct PoseReadings {
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct MixedVariances {
+struct MixedVariances {
     /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
     /// is new at configurations, of positions and of rotations, where some are visited again; of how each joint returns at each visit.
     all: Vec<f64>,
@@ -127,8 +127,6 @@ pub(super) struct MixedModel {
     most_knots: usize,
     /// The joints with waves, by their places among all.
     waving: Vec<usize>,
-    /// Variances that are likely, to begin with.
-    start: Option<MixedVariances>,
 }
 
 /// What the model says with some variances.
@@ -171,7 +169,6 @@ impl MixedModel {
             within: case.within.map(|each| each * each),
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
-            start: None,
         };
         model.visits = by_pose(&model.visits_of(case, rows));
         model
@@ -280,14 +277,7 @@ impl MixedModel {
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
-            start: None,
         }
-    }
-
-    /// The same that begins with such variances.
-    pub fn begun_at(mut self, variances: &MixedVariances) -> Self {
-        self.start = Some(variances.clone());
-        self
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
@@ -300,10 +290,7 @@ impl MixedModel {
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
-        let (mut variances, rounds) = match &self.start {
-            Some(start) => (start.clone(), ROUNDS_MORE),
-            None => (self.first(), ROUNDS),
-        };
+        let mut variances = self.first();
         let count = self.visits.len();
         let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
         let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
@@ -315,7 +302,7 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let (variances, mut solved, _) = sample.settled(variances, limit, rounds, FOUND)?;
+        let (variances, mut solved, _) = sample.settled(variances, limit, ROUNDS, FOUND)?;
         if some.is_some() {
             solved = self.solved(&variances)?;
         }
@@ -399,13 +386,28 @@ impl MixedModel {
     }
 
     fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
+        self.solution(variances, self.told(variances)?)
+    }
+
+    /// The information of the readings, and its pull.
+    fn told(&self, variances: &MixedVariances) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let offsets = self.offsets(variances);
         let of_visits = |visits: &[PoseReadings]| sums_of(visits, variances, &offsets);
-        let (mut information, mut gradient) = self.sum_of(of_visits, |sum, piece| {
+        let (mut information, gradient) = self.sum_of(of_visits, |sum, piece| {
             sum.0 += piece.0;
             sum.1 += piece.1;
         })?;
         information.fill_lower_triangle_with_upper_triangle();
+        Some((information, gradient))
+    }
+
+    /// What the model says by such information, and by what is known before.
+    fn solution(
+        &self,
+        variances: &MixedVariances,
+        (mut information, mut gradient): (DMatrix<f64>, DVector<f64>),
+    ) -> Option<MixedSolution> {
+        let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let mut before = information.view_mut((0, 0), (fixed, fixed));
         before += &self.prior;
@@ -424,6 +426,25 @@ impl MixedModel {
             mean: &covariance * gradient,
             covariance,
         })
+    }
+
+    /// What the likeliest variances say of all readings, and without those of each of some parts, by the same variances.
+    pub fn without_each(
+        &self,
+        parts: &[Self],
+    ) -> Option<(DiscrepancyModel, Vec<DiscrepancyModel>)> {
+        let (variances, solved) = self.likeliest()?;
+        let (information, gradient) = self.told(&variances)?;
+        let without = |part: &Self| {
+            let (own, pull) = part.told(&variances)?;
+            let others = (
+                &information - own * (1.0 - LEFT_IN),
+                &gradient - pull * (1.0 - LEFT_IN),
+            );
+            Some(self.model(&variances, &self.solution(&variances, others)?))
+        };
+        let without = parts.par_iter().map(without).collect::<Option<_>>()?;
+        Some((self.model(&variances, &solved), without))
     }
 
     /// A sum over all visits, in pieces side by side.

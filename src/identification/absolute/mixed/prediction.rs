@@ -36,12 +36,6 @@ impl MixedModel {
         Some((model, predicted_by_others))
     }
 
-    /// What the likeliest variances say, and these.
-    pub fn likeliest_model(&self) -> Option<(DiscrepancyModel, MixedVariances)> {
-        let (variances, solved) = self.likeliest()?;
-        Some((self.model(&variances, &solved), variances))
-    }
-
     pub(super) fn model(
         &self,
         variances: &MixedVariances,

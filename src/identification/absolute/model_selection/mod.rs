@@ -325,14 +325,13 @@ fn with_joint_errors(
     fit: &ParameterFit,
     (chosen, without): (&NestedModel, &[Without]),
 ) -> Option<NestedModel> {
-    let (all, variances) =
-        (blocks.case).likeliest_discrepancy_model(fit, chosen.discrepancy, None)?;
+    let of_fit = (fit, chosen.discrepancy);
+    let (all, without) = blocks.with_joint_errors(of_fit, without)?;
     let values = DVector::from_column_slice(&fit.posterior.mean) + &all.shift;
     let case = blocks.case.displaced(&all.joints);
     let left = case
         .left(&fit.set.apply(&case.arm, values.as_slice()))
         .ok()?;
-    let without = blocks.with_joint_errors((fit, chosen.discrepancy), &variances, without)?;
     Some(NestedModel {
         distances: DistanceStatistics::of_positions(&left),
         angles: DistanceStatistics::of_rotations(&left),
