@@ -45,7 +45,7 @@ pub use fit::{ParameterFit, fit_parameters};
 pub use frames::{MountedFrames, RobustFrames, Sight};
 pub use identified::{
     AbsoluteMessage, IdentificationBasis, IdentificationMessage, IdentifiedFile, IdentifiedRecord,
-    JointErrorMessage, MountedFrameMessage, ReadRange, ReadRanges, Remainder, StoredIdentification,
+    JointErrorMessage, MountedFrameMessage, ReadRange, ReadRanges, StoredIdentification,
     StoredRobot, UnexplainedMessage, UnknownMessage, UnknownValue,
 };
 pub use nominal::UNKNOWN as UNKNOWN_COMPLIANCE;

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use nalgebra::{DMatrix, DVector, Matrix6, stack};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::Case;
@@ -13,13 +13,13 @@ use super::estimate::Identification;
 use super::outliers::{NO_VARIANCE, RejectedReading, kept, squares_of};
 use super::prediction::MeasuredRows;
 use crate::numeric::least_squares::LeastSquares;
-use crate::quantities::written::{from_one, to_zero};
+use crate::quantities::written::from_one;
 
 /// The residual of one measurement against its own uncertainty.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct MeasurementResidual {
     /// Its measurement, from 0; from 1 in records.
-    #[serde(serialize_with = "from_one", deserialize_with = "to_zero")]
+    #[serde(serialize_with = "from_one")]
     pub measurement: usize,
     /// Its coordinates, those of the deflection before those of the rotation, each over its own
     /// standard deviation: that of the measurement, less what the fit took up (leverage). `None`

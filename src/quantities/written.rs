@@ -1,7 +1,6 @@
 //! How SI values are written for people: serialisers for fields of records.
 
 use nalgebra::Vector3;
-use serde::de::{Deserialize, Deserializer, Error as _};
 use serde::{Serialize, Serializer};
 
 /// What is written in thousandths of its unit: mm for m, mrad for rad.
@@ -42,13 +41,4 @@ pub fn thousandfold<S: Serializer>(value: &impl Thousandfold, to: S) -> Result<S
 /// Those of the serialiser.
 pub fn from_one<S: Serializer>(index: &usize, to: S) -> Result<S::Ok, S::Error> {
     to.serialize_u64(*index as u64 + 1)
-}
-
-/// Reads an index that is written as a number from 1.
-///
-/// # Errors
-/// Those of the deserialiser, or it is zero.
-pub fn to_zero<'a, D: Deserializer<'a>>(from: D) -> Result<usize, D::Error> {
-    let index = usize::deserialize(from)?.checked_sub(1);
-    index.ok_or_else(|| D::Error::custom("expected a whole number, at least 1"))
 }

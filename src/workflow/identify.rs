@@ -12,8 +12,8 @@ use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, AbsoluteMessage, Case, Identification, IdentificationBasis,
     IdentificationError, IdentificationMessage, Inconsistencies, MeasurementResidual,
-    ModelSelection, ParameterGroup, ReadingWeights, RejectedReading, Remainder, RepeatComponents,
-    Repeats, Robustness, Told, left_out, residuals,
+    ModelSelection, ParameterGroup, ReadingWeights, RejectedReading, RepeatComponents, Repeats,
+    Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
@@ -142,21 +142,18 @@ impl Identified {
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
         let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
-        let left = Remainder {
-            residuals: self.residuals.clone(),
-            discrepancy_mm: discrepancy.map(|[position_m, _]| position_m * 1e3),
-            discrepancy_mrad: (discrepancy.filter(|_| has_rotations))
-                .map(|[_, rotation_rad]| rotation_rad * 1e3),
-        };
         let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
+            "residuals": self.residuals,
             "diagnoses": self.input_errors,
+            "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
+            "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|[_, rotation_rad]| rotation_rad * 1e3),
             "rejected": rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        let keys = [json!(message), json!(basis(scenario)), json!(left), more];
+        let keys = [json!(message), json!(basis(scenario)), more];
         Ok(results("identify", provenance, keys))
     }
 }

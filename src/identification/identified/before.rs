@@ -6,13 +6,13 @@
 use nalgebra::DMatrix;
 
 use super::deflections::IdentificationMessage;
-use super::file::{IdentifiedFile, IdentifiedRecord, Remainder};
+use super::file::{IdentifiedFile, IdentifiedRecord, Remainder, ResidualKeys};
 use super::impossible::hold_impossible;
 use super::readings::check_sizes;
 use super::robot::{StoredRobot, UnknownValue};
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
-use crate::identification::{LeftOut, MeasurementResidual};
+use crate::identification::LeftOut;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, ParameterKind};
@@ -74,7 +74,7 @@ impl IdentifiedFile {
         )?;
         let discrepancy = sizes.map(|size| size.unwrap_or(0.0) * 1e-3);
         // What the numbers are more than the fit takes up.
-        let spare = |each: &MeasurementResidual| each.standardised.len() as f64 - each.leverage;
+        let spare = |each: &ResidualKeys| each.standardised.len() as f64 - each.leverage;
         let freedom: f64 = left.residuals.iter().map(spare).sum();
         let is_estimated = discrepancy.iter().sum::<f64>() > 0.0;
         let others = message.uncertain.iter();

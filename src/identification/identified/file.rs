@@ -11,7 +11,6 @@ use crate::codes::ErrorCode;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
 use crate::files::{FileError, hexadecimal, sha256_of};
-use crate::identification::MeasurementResidual;
 use crate::measurement::{Origin, SimulatedRun};
 use crate::task::{Fingerprint, LeftNominal};
 
@@ -52,16 +51,21 @@ pub struct IdentificationBasis {
     pub error_sources: Option<Vec<String>>,
 }
 
-/// What deflections leave.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// What deflections leave; files of earlier versions do not say all of it.
+#[derive(Debug, Clone, Deserialize)]
 pub struct Remainder {
-    /// Of each measurement.
     #[serde(default)]
-    pub residuals: Vec<MeasurementResidual>,
-    /// The standard deviation of what the model does not explain (mm); none where the measurements show none.
-    pub discrepancy_mm: Option<f64>,
-    /// The same of rotations (mrad).
-    pub discrepancy_mrad: Option<f64>,
+    pub(super) residuals: Vec<ResidualKeys>,
+    pub(super) discrepancy_mm: Option<f64>,
+    pub(super) discrepancy_mrad: Option<f64>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+pub(super) struct ResidualKeys {
+    #[serde(default)]
+    pub standardised: Vec<Option<f64>>,
+    #[serde(default)]
+    pub leverage: f64,
 }
 
 impl IdentifiedFile {

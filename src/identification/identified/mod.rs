@@ -11,7 +11,7 @@ mod robot;
 
 pub use before::StoredIdentification;
 pub use deflections::IdentificationMessage;
-pub use file::{IdentificationBasis, IdentifiedFile, IdentifiedRecord, Remainder};
+pub use file::{IdentificationBasis, IdentifiedFile, IdentifiedRecord};
 pub use readings::{
     AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange, UnexplainedMessage,
     UnknownMessage,
