@@ -1,5 +1,8 @@
 //! `export`: the calibrated robot as a model's file.
 
+use crate::codes::ErrorCode;
+use crate::record::joint_error_table::joint_error_table;
+use crate::workflow::calibrated::{CalibratedRobot, RobotWithJointErrors};
 use crate::workflow::export::{ExportedModel, export};
 
 use super::command_prelude::*;
@@ -17,6 +20,10 @@ pub struct Export {
     /// Where to write the model (MJCF).
     #[arg(long, value_name = "FILE")]
     model_out: PathBuf,
+    /// Where to write what joints are off by over their own angles (CSV: a row a degree, or 10 mm); the model then has the parameters that
+    /// go with that.
+    #[arg(long, value_name = "FILE")]
+    joint_errors_out: Option<PathBuf>,
 }
 
 impl Export {
@@ -30,7 +37,11 @@ impl Export {
         self.common.check_files(&scenario, None)?;
         self.common.say("writing the robot as MJCF");
         let provenance = self.common.provenance(&scenario)?;
-        let exported = export(&scenario, &robot, &provenance, &self.model_out)?;
+        let with_joint_errors = (self.joint_errors_out.as_ref())
+            .map(|path| self.with_joint_errors(&robot).map(|found| (path, found)))
+            .transpose()?;
+        let robot = with_joint_errors.map_or(&robot, |(_, found)| &found.robot);
+        let exported = export(&scenario, robot, &provenance, &self.model_out)?;
         let keys = json!({
             "model_file": self.model_out,
             "parameters": robot.unknowns.iter().map(|each| &each.name).collect::<Vec<_>>(),
@@ -43,7 +54,30 @@ impl Export {
         });
         let mut report = Report::new(Value::Null, describe(&exported), conditions);
         report.write(&self.model_out, &exported.text)?;
+        if let Some((path, found)) = with_joint_errors {
+            let table = joint_error_table(&found.model, &robot.arm.chain.joints);
+            let origin = format!(
+                "# Joint error functions of {}, beside the parameters of {}: stands further than commanded by error.\n",
+                self.identified.display(),
+                self.model_out.display()
+            );
+            report.write(path, &(origin + &table))?;
+        }
         Ok((self.common).report("export", &scenario, [keys], report)?)
+    }
+}
+
+impl Export {
+    fn with_joint_errors<'a>(
+        &self,
+        robot: &'a CalibratedRobot,
+    ) -> Result<&'a RobotWithJointErrors, FileError> {
+        robot.with_joint_errors.as_deref().ok_or_else(|| {
+            let problem = "has no joint error functions, which --joint-errors-out would write";
+            FileError::new(&self.identified, problem)
+                .hint("identify from absolute readings, 20 visits or more, without --without-joint-errors")
+                .code(ErrorCode::IdentifiedFile)
+        })
     }
 }
 

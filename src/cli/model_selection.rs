@@ -1,23 +1,24 @@
 //! A selection of models, for a person.
 
-use crate::identification::{DistanceStatistics, ModelSelection};
+use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 
 use super::command_prelude::*;
+
+/// What the row of the recommended model with joint error functions is called.
+const JOINT_ERRORS: &str = "that + joint error functions";
 
 /// Nested models, and which one to use.
 pub fn describe(model_selection: &ModelSelection) -> String {
     let recommended = model_selection.recommendation.as_ref();
-    let rows = (model_selection.nested_models.iter().enumerate()).map(|(place, nested_model)| {
+    let row = |name: String, nested_model: &NestedModel, is_recommended: bool| {
         let judged = nested_model.cross_validation.as_ref().ok();
         let predicted = judged.and_then(|judged| judged.distances.as_ref());
         let rms = |lengths: Option<&DistanceStatistics>| {
             number(lengths.map(|lengths| lengths.rms * 1e3), 4)
         };
-        let is_recommended = recommended.is_some_and(|each| each.nested_model == place);
-        let plus = if place == 0 { "" } else { "+ " };
         let mark = if is_recommended { "  <- use" } else { "" };
         vec![
-            format!("{plus}{}{mark}", nested_model.added.word()),
+            name + mark,
             nested_model.unknowns.to_string(),
             rms(nested_model.distances.as_ref()),
             rms(predicted),
@@ -25,7 +26,17 @@ pub fn describe(model_selection: &ModelSelection) -> String {
                 format!("{:.4} +- {:.4}", judged.beyond_best, judged.standard_error)
             }),
         ]
+    };
+    let nested = model_selection.nested_models.iter().enumerate();
+    let nested = nested.map(|(place, model)| {
+        let is_recommended = recommended.is_some_and(|each| each.nested_model == place);
+        row(model_selection.name(place), model, is_recommended)
     });
+    let more = model_selection.with_joint_errors.iter().map(|model| {
+        let is_recommended = model_selection.recommends_joint_errors();
+        row(JOINT_ERRORS.to_owned(), model, is_recommended)
+    });
+    let rows = nested.chain(more);
     let header = "model | unknowns | fitted rms [mm] | predicted rms [mm] | loss over the best";
     let mut text = table(header, rows);
     text += &format!(

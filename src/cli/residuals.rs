@@ -83,6 +83,23 @@ pub fn probability(value: f64) -> String {
 
 /// What residuals go with; that they go with nothing where much was looked at.
 pub fn patterns(found: &Patterns) -> String {
+    listed(
+        found,
+        ["No pattern in the residuals", "Residuals have patterns"],
+    )
+}
+
+/// What goes with order, time or temperature beside joint error functions, where there are some.
+pub fn drifts(found: Option<&Patterns>) -> String {
+    let words = [
+        "No drift beside joint error functions",
+        "Beside joint error functions residuals drift",
+    ];
+    found.map_or_else(String::new, |found| listed(found, words))
+}
+
+/// Patterns, after words for none and for some.
+fn listed(found: &Patterns, [none, some]: [&str; 2]) -> String {
     if found.looked_at == 0 {
         return String::new();
     }
@@ -97,9 +114,9 @@ pub fn patterns(found: &Patterns) -> String {
         looked += &format!(", without {without}");
     }
     if found.found.is_empty() {
-        return format!("  No pattern in the residuals: {looked}.\n");
+        return format!("  {none}: {looked}.\n");
     }
-    let mut text = format!("  Residuals have patterns ({looked}), against\n");
+    let mut text = format!("  {some} ({looked}), against\n");
     for pattern in &found.found {
         text += &format!(
             "    {}; {} of the residuals' variance, p = {}\n",

@@ -244,7 +244,7 @@ impl<'a> InverseKinematics<'a> {
             }
             let mut offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
             for error in self.errors {
-                offsets[error.joint] += error.at(commands[error.joint]);
+                offsets[error.joint] += error.at(commands.as_slice());
             }
             moved = (0, 0.0);
             for &joint in &self.commanded {

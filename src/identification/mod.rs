@@ -27,11 +27,11 @@ mod tails;
 mod whitening;
 
 pub use absolute::{
-    AbsoluteCase, AbsoluteFit, CONTRADICTION, CrossValidation, DiscrepancyModel,
-    DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut, ModelSelection,
-    MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn, PredictedPositions,
-    ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent, RepeatComponents, SQUARE_95,
-    SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
+    AbsoluteCase, AbsoluteFit, CONTRADICTION, ComponentIntervals, CrossValidation,
+    DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
+    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
+    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
+    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;

@@ -4,10 +4,13 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::identification::{RepeatComponent, RepeatComponents, VarianceComponents};
+use crate::identification::{
+    ComponentIntervals, RepeatComponent, RepeatComponents, VarianceComponents,
+};
 use crate::numeric::markov::Correlation;
 use crate::parameter::DiscrepancyOf;
 use crate::robot::Joint;
+use crate::text::wording::joined;
 
 /// A deviation below this (mrad, mm) is none: 0.1 um at a metre.
 const LEAST: f64 = 1e-4;
@@ -37,13 +40,58 @@ fn rounded(value: f64) -> f64 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
 
+/// Tables, and comments before them.
+#[derive(Default)]
+struct WrittenTables {
+    uncertainty: Vec<ComponentMessage>,
+    comments: String,
+}
+
+impl WrittenTables {
+    /// Adds a table with its intervals in words, unless its estimate is at zero or has no interval, beside the upper limit of that: a plan
+    /// would take that for exact.
+    fn add(&mut self, table: ComponentMessage, most: f64, intervals: &str) {
+        let (std, unit) = match table.std_mm {
+            Some(std) => (std, "mm"),
+            None => (table.std_mrad.unwrap_or(0.0), "mrad"),
+        };
+        let name = &table.name;
+        if std > LEAST.max(NOTHING * most) && !intervals.is_empty() {
+            self.comments += &format!("# {name}, 95 %: {intervals}.\n");
+            return self.uncertainty.push(table);
+        }
+        let limit =
+            (most > 0.0).then(|| format!(", its upper limit {} {unit} (95 %)", rounded(most)));
+        let limit = limit.unwrap_or_default();
+        self.comments += &format!("# No table of {name}: its estimate is zero{limit}.\n");
+    }
+
+    /// The TOML; none without tables.
+    fn text(mut self) -> Result<Option<String>, toml::ser::Error> {
+        if self.uncertainty.is_empty() {
+            return Ok(None);
+        }
+        if !self.comments.is_empty() {
+            self.comments.push('\n');
+        }
+        let tables = toml::to_string(&BTreeMap::from([("uncertainty", self.uncertainty)]))?;
+        Ok(Some(self.comments + &tables))
+    }
+}
+
+/// An interval in such a unit.
+fn said(ends: Option<[f64; 2]>, (factor, unit): (f64, &str)) -> Option<String> {
+    let [low, high] = ends?.map(|end| rounded(end * factor));
+    Some(format!("{low} to {high} {unit}"))
+}
+
 /// What an identification found of each joint's error as a function of the joint's own angle or way, of the pose's discrepancy, and of how
-/// joints return, as TOML; none where it found nothing. Joints have names, and slide or do not.
+/// joints return, as TOML, with intervals as comments; none where it found nothing. Joints have names, and slide or do not.
 ///
 /// # Errors
 /// The TOML cannot be made.
 pub fn uncertainty_tables(
-    found: Option<&VarianceComponents>,
+    found: Option<&(VarianceComponents, ComponentIntervals)>,
     repeats: Option<&RepeatComponents>,
     joints: &[Joint],
 ) -> Result<Option<String>, toml::ser::Error> {
@@ -62,23 +110,9 @@ pub fn uncertainty_tables(
             ..ComponentMessage::default()
         }
     };
-    let (mut uncertainty, mut zeros) = (Vec::new(), String::new());
-    // Of an estimate at zero a plan is told nothing, as it would take that for exact.
-    let mut add = |table: ComponentMessage, most: f64| {
-        let (std, unit) = match table.std_mm {
-            Some(std) => (std, "mm"),
-            None => (table.std_mrad.unwrap_or(0.0), "mrad"),
-        };
-        if std > LEAST.max(NOTHING * most) {
-            return uncertainty.push(table);
-        }
-        let limit =
-            (most > 0.0).then(|| format!(", its upper limit {} {unit} (95 %)", rounded(most)));
-        let (name, limit) = (table.name, limit.unwrap_or_default());
-        zeros += &format!("# No table of {name}: its estimate is zero{limit}.\n");
-    };
-    let functions = || found.iter().flat_map(|found| &found.functions);
-    for each in functions() {
+    let mut tables = WrittenTables::default();
+    let functions = found.map_or(&[][..], |(found, _)| &found.functions);
+    for (each, place) in functions.iter().zip(0..) {
         let (std, length) = (each.deviation_rad * 1e3, each.kernel.length);
         let table = of_joints("transmission_error", "error function", &[each.joint], std);
         let slides = slides(each.joint);
@@ -88,7 +122,17 @@ pub fn uncertainty_tables(
             correlation: each.kernel.correlation,
             ..table
         };
-        add(table, 0.0);
+        let turns = [(1e3, "mrad"), (1_f64.to_degrees(), "deg")];
+        let units = if slides { [(1e3, "mm"); 2] } else { turns };
+        let intervals = found.iter().flat_map(|(_, known)| {
+            let both = [known.deviations[place], known.lengths[place]];
+            let names = ["standard deviation", "correlation length"];
+            let each = names.into_iter().zip(both).zip(units);
+            each.filter_map(|((name, ends), unit)| Some(format!("{name} {}", said(ends, unit)?)))
+        });
+        let is_known = found.is_some_and(|(_, known)| known.deviations[place].is_some());
+        let intervals = joined(intervals.take_while(|_| is_known), ", ");
+        tables.add(table, 0.0, &intervals);
     }
     let returned = |joints: &[usize], std: f64| {
         let std = std * OF_A_DIFFERENCE;
@@ -97,13 +141,19 @@ pub fn uncertainty_tables(
     let components = repeats.iter().flat_map(|repeats| &repeats.components);
     let of_visits: Vec<&RepeatComponent> =
         components.filter(|each| each.level == "visit").collect();
-    for each in functions() {
+    for (each, place) in functions.iter().zip(0..) {
         // Repeats say it better.
         if !of_visits.iter().any(|of| of.joints.contains(&each.joint)) {
-            add(returned(&[each.joint], each.repeatability_rad * 1e3), 0.0);
+            let unit = (
+                1e3 * OF_A_DIFFERENCE,
+                if slides(each.joint) { "mm" } else { "mrad" },
+            );
+            let interval = found.and_then(|(_, known)| said(known.repeatabilities[place], unit));
+            let table = returned(&[each.joint], each.repeatability_rad * 1e3);
+            tables.add(table, 0.0, &interval.unwrap_or_default());
         }
     }
-    if let Some(found) = found {
+    if let Some((found, known)) = found {
         let remainder = ComponentMessage {
             kind: "discrepancy",
             name: "discrepancy".to_owned(),
@@ -111,22 +161,19 @@ pub fn uncertainty_tables(
             std_mm: Some(rounded(found.rest[0] * 1e3)),
             ..ComponentMessage::default()
         };
-        add(remainder, 0.0);
+        let interval = said(known.rest_of_positions, (1e3, "mm"));
+        tables.add(remainder, 0.0, &interval.unwrap_or_default());
     }
     for each in of_visits {
         let (sliding, turning): (Vec<usize>, Vec<usize>) =
             each.joints.iter().partition(|&&joint| slides(joint));
         for own in [turning, sliding].iter().filter(|own| !own.is_empty()) {
             let most = each.interval95[1] * OF_A_DIFFERENCE;
-            add(returned(own, each.standard_uncertainty), most);
+            let unit = if slides(own[0]) { "mm" } else { "mrad" };
+            let interval = said(Some(each.interval95), (OF_A_DIFFERENCE, unit));
+            let table = returned(own, each.standard_uncertainty);
+            tables.add(table, most, &interval.unwrap_or_default());
         }
     }
-    if uncertainty.is_empty() {
-        return Ok(None);
-    }
-    if !zeros.is_empty() {
-        zeros.push('\n');
-    }
-    let tables = toml::to_string(&BTreeMap::from([("uncertainty", uncertainty)]))?;
-    Ok(Some(zeros + &tables))
+    tables.text()
 }

@@ -1,5 +1,7 @@
 //! The serial kinematic chain with rigid links, independent of any simulator.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DVector, Isometry3, Point3, Rotation3, Unit, UnitQuaternion, Vector3};
 
 use super::elements::Elements;
@@ -57,6 +59,28 @@ pub struct Joint {
     pub centre_of_mass_m: Vector3<f64>,
     /// The compliance that the model gives the joint (rad/(N m)), if it gives one.
     pub model_compliance_rad_per_nm: Option<f64>,
+}
+
+impl Joint {
+    /// The middle of the turn (rad) in which its angle counts for what comes again in each turn, where its range allows more than one: that
+    /// of its range.
+    pub fn turn_about(&self) -> Option<f64> {
+        let [low, high] = self.range_rad;
+        let has_several = !self.drive.slides && high - low > TAU * (1.0 + 1e-9);
+        has_several.then(|| f64::midpoint(low, high))
+    }
+
+    /// The same place (rad; m where it slides) in that turn.
+    pub fn in_turn(&self, place: f64) -> f64 {
+        nearest_turn(place, self.turn_about())
+    }
+}
+
+/// An angle (rad) on the turn that is nearest to some middle, if there is one.
+pub fn nearest_turn(angle: f64, about: Option<f64>) -> f64 {
+    about.map_or(angle, |middle| {
+        angle - TAU * ((angle - middle) / TAU).round()
+    })
 }
 
 /// A frame fixed to a link, such as a tool centre point.

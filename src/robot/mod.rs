@@ -21,7 +21,7 @@ mod springs;
 mod true_robot;
 
 pub use approach::{Approach, CommandPose};
-pub use chain::{Drive, Joint, SerialChain, Tool};
+pub use chain::{Drive, Joint, SerialChain, Tool, nearest_turn};
 pub use commands::{Commands, ReadsAlong};
 pub use elastic::Robot;
 pub use elastostatics::ObservationMatrix;

@@ -278,8 +278,7 @@ impl<'a> ReadingRuns<'a> {
                     approach: None,
                 };
                 for each in joints {
-                    let commanded_rad = pose.configuration_rad[each.joint];
-                    setup.commanded_rad[each.joint] += each.at(commanded_rad);
+                    setup.commanded_rad[each.joint] += each.at(pose.configuration_rad.as_slice());
                 }
                 let base = arm.instrument_from_base[station].rotation.inverse();
                 let rest = |load: &Load| {

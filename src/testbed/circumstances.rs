@@ -284,7 +284,8 @@ impl Circumstances {
             DVector::from_iterator(q.len(), q.iter().zip(offsets).map(|(q, offset)| q + offset));
         for (function, sampled) in self.functions.iter().zip(&self.sampled_functions) {
             let joint = function.joint;
-            commanded[joint] += function.deviation_rad * sampled.at(q[joint]);
+            let place = self.nominal.chain.joints[joint].in_turn(q[joint]);
+            commanded[joint] += function.deviation_rad * sampled.at(place);
         }
         commanded
     }

@@ -143,7 +143,9 @@ fn heights(all_mm: f64, sizes: &[[Vec<f64>; 2]]) -> Range<f64> {
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
 /// is marked. Returns the SVG text.
 pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> String {
-    let nested_models = &model_selection.nested_models;
+    let nested_models: Vec<&NestedModel> = (model_selection.nested_models.iter())
+        .chain(&model_selection.with_joint_errors)
+        .collect();
     let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms * 1e3);
     let fitted = |nested_model: &NestedModel| rms(nested_model.distances.as_ref());
     let predicted = |nested_model: &NestedModel| {
@@ -155,10 +157,15 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
         all.filter_map(|(place, nested_model)| Some((place as f64, of(nested_model)?)))
             .collect()
     };
+    let nested = model_selection.nested_models.len();
     let chosen = model_selection.recommendation.as_ref();
     let chosen = chosen.and_then(|each| {
-        let nested_model = nested_models.get(each.nested_model)?;
-        Some((each.nested_model as f64, predicted(nested_model)?))
+        let place = if each.with_joint_errors && nested < nested_models.len() {
+            nested
+        } else {
+            each.nested_model
+        };
+        Some((place as f64, predicted(nested_models.get(place)?)?))
     });
     // The rms goes with the root of the loss, by whose difference to the smallest one the rule goes.
     let error = |side: f64| {
@@ -170,10 +177,13 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
     };
     let bars = error(-1.0).into_iter().zip(error(1.0));
     let bars: Vec<(f64, f64)> = bars.flat_map(<[_; 2]>::from).collect();
-    let name = |(place, nested_model): (usize, &NestedModel)| {
-        let plus = if place > 0 { "+ " } else { "" };
-        let added = nested_model.added.word();
-        format!("{plus}{added} ({})", nested_model.unknowns)
+    let name = |(place, nested_model): (usize, &&NestedModel)| {
+        let name = if place < nested {
+            model_selection.name(place)
+        } else {
+            "joint errors".to_owned()
+        };
+        format!("{name} ({})", nested_model.unknowns)
     };
     let [fitted, predicted] = [line(&fitted), line(&predicted)];
     let all = fitted.iter().chain(&predicted).chain(&bars);

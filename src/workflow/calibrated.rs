@@ -10,7 +10,7 @@ use crate::calibration::{
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{IdentificationError, JointError, ReadRanges, StoredRobot};
+use crate::identification::{DiscrepancyModel, IdentificationError, ReadRanges, StoredRobot};
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
@@ -31,15 +31,13 @@ pub struct CalibratedUnknown {
     pub standard_error: Option<f64>,
 }
 
-/// An arm whose joints stand off their commands.
+/// A robot whose joints stand off their commands.
 #[derive(Debug, Clone)]
-pub struct ArmWithJointErrors {
-    /// The arm, its parameters off together with the joints.
-    pub arm: ElasticArm,
-    /// Where the instrument stood beside that.
-    pub stations: Vec<IdentifiedStation>,
+pub struct RobotWithJointErrors {
+    /// The robot, its parameters and stations off together with the joints.
+    pub robot: CalibratedRobot,
     /// What joints are off by.
-    pub joints: Vec<JointError>,
+    pub model: DiscrepancyModel,
 }
 
 /// A robot as an identification left it.
@@ -62,7 +60,7 @@ pub struct CalibratedRobot {
     /// The joints whose compliances absolute readings were not asked for: the nominal ones hold, for certain.
     pub taken_as_believed: Vec<String>,
     /// What joints are off by over their own angles, with the arm and the stations that belong to that; where it was told apart.
-    pub with_joint_errors: Option<ArmWithJointErrors>,
+    pub with_joint_errors: Option<Box<RobotWithJointErrors>>,
     /// The angles that were read, where errors elsewhere are not known.
     pub read_ranges: ReadRanges,
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
@@ -179,13 +177,9 @@ impl CalibratedRobot {
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
             Some(other) => {
-                let joints = stored.discrepancy_model(&arm)?.joints;
-                let other = Self::of_absolute(belief, &other)?;
-                (!joints.is_empty()).then_some(ArmWithJointErrors {
-                    arm: other.arm,
-                    stations: other.stations,
-                    joints,
-                })
+                let model = stored.discrepancy_model(&arm)?;
+                let robot = Self::of_absolute(belief, &other)?;
+                (!model.joints.is_empty()).then(|| Box::new(RobotWithJointErrors { robot, model }))
             }
         };
         Ok(Self {

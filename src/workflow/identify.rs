@@ -183,6 +183,8 @@ pub struct IdentifiedRobot<'a> {
     pub fit: AbsoluteFit,
     /// What its residuals go with.
     pub patterns: Patterns,
+    /// What goes with order, time or temperature beside joint error functions, where there are some: these hide it.
+    pub drifts: Option<Patterns>,
     /// What repeated visits show, where there are some.
     pub repeats: Option<Repeats>,
     /// Variance components of these.
@@ -195,13 +197,35 @@ pub struct IdentifiedRobot<'a> {
     pub inconsistencies: Vec<Inconsistencies>,
 }
 
+/// How absolute readings are fitted.
+#[derive(Debug, Clone, Copy)]
+pub struct FitChoices {
+    /// How much each reading counts.
+    pub weights: ReadingWeights,
+    /// Whether those that lie far out are fitted, too.
+    pub keeps_all: bool,
+    /// Whether joint error functions are used.
+    pub uses_joint_errors: bool,
+}
+
+impl FitChoices {
+    /// By such weights, without outliers, with joint error functions.
+    pub const fn weighed(weights: ReadingWeights) -> Self {
+        Self {
+            weights,
+            keeps_all: false,
+            uses_joint_errors: true,
+        }
+    }
+}
+
 /// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
 /// left out, unless all are to be kept.
 pub fn identify_absolute<'a>(
     belief: &'a Belief,
     readings: &[AbsoluteReading],
     groups: &[ParameterGroup],
-    (weights, keeps_all): (ReadingWeights, bool),
+    choices: FitChoices,
 ) -> Result<IdentifiedRobot<'a>, IdentificationError> {
     let mistaken = |source: IdentificationError| {
         let placed = AbsoluteCase::placed(belief, readings).ok();
@@ -215,14 +239,16 @@ pub fn identify_absolute<'a>(
     };
     let case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
     let mut case = case.counting_sources_of_lengths();
-    case.keeps_all |= keeps_all;
+    case.keeps_all |= choices.keeps_all;
+    case.uses_joint_errors = choices.uses_joint_errors;
     let likely = case.likely_input_error();
-    let fit = case.fit(groups, weights).map_err(mistaken)?;
+    let fit = case.fit(groups, choices.weights).map_err(mistaken)?;
     // Geometry and elasticity may explain what frames alone do not.
     let likely = likely.filter(|_| !fit.explains_all());
     // What lies far out is no pattern, and no inconsistency.
     let mut kept = case.kept(&fit);
     let looked = kept.looked_at(&fit, &fit.of_kept(readings))?;
+    let beside = kept.looked_at_beside_joint_errors(&fit, &fit.of_kept(readings))?;
     let halves = halves(&mut kept, &fit);
     // These are of three coordinates.
     let mut repeated = fit.kept();
@@ -232,6 +258,7 @@ pub fn identify_absolute<'a>(
         repeat_components: case.repeat_components(&fit),
         repeats: Repeats::of_readings(readings, &residuals_m, &repeated),
         patterns: looked.patterns(&fit.rejected),
+        drifts: beside.map(|beside| beside.drifts(&fit.rejected)),
         inconsistencies: halves.into_iter().collect(),
         likely,
         beyond_range: beyond_stations(belief, readings),
@@ -281,11 +308,11 @@ pub fn uncounted(identified: &IdentifiedRobot<'_>) -> Vec<String> {
 pub fn model_selection(
     belief: &Belief,
     readings: &[AbsoluteReading],
-    (weights, keeps_all): (ReadingWeights, bool),
+    choices: FitChoices,
 ) -> Result<ModelSelection, IdentificationError> {
     let mut case = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
-    case.keeps_all |= keeps_all;
-    case.model_selection(weights)
+    case.keeps_all |= choices.keeps_all;
+    case.model_selection(choices.weights)
 }
 
 impl<'a> IdentifiedRobot<'a> {
@@ -303,6 +330,7 @@ impl<'a> IdentifiedRobot<'a> {
     ) -> Result<(), IdentificationError> {
         let mut other = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
         other.keeps_all = self.case.keeps_all;
+        other.uses_joint_errors = self.case.uses_joint_errors;
         let fit = other.fit(groups, weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
         let found = kept.inconsistencies_with(&self.fit, &mut other, &fit)?;
@@ -383,6 +411,7 @@ impl<'a> IdentifiedRobot<'a> {
             "kind": "absolute",
             "groups": groups,
             "patterns": self.patterns,
+            "drifts_beside_joint_errors": self.drifts,
             "repeats": self.repeats,
             "repeat_components": self.repeat_components,
             "inconsistencies": self.inconsistencies,

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::design::{Designed, Wanted};
 use super::evidence::gather;
-use super::identify::{IdentifiedRobot, basis, identify_absolute};
+use super::identify::{FitChoices, IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
 };
@@ -334,7 +334,7 @@ pub fn run_absolute<'a>(
     let did = (runs.carried_out(&mut robots)).map_err(|error| unread(&error))?;
 
     // Identify.
-    let identified = identify_absolute(belief, &readings, groups, (weights, false));
+    let identified = identify_absolute(belief, &readings, groups, FitChoices::weighed(weights));
     let identified = identified.map_err(unidentified)?;
     let (case, fit) = (&identified.case, &identified.fit);
     let nominal = AbsoluteCase::new(belief, &readings).and_then(|case| case.in_best_frames());

@@ -17,7 +17,7 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{Chosen, SelectionWanted, select};
-use elastocal::workflow::identify::{identify_absolute, model_selection};
+use elastocal::workflow::identify::{FitChoices, identify_absolute, model_selection};
 use elastocal::workflow::validate_absolute::{AbsoluteValidation, validate_absolute};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ use crate::one_fit::normal;
 use crate::support::{Workplace, project};
 
 const ZEROS: [ParameterGroup; 1] = [ParameterGroup::Zeros];
-const WEIGHTS: (ReadingWeights, bool) = (ReadingWeights::AsNeeded, false);
+const CHOICES: FitChoices = FitChoices::weighed(ReadingWeights::AsNeeded);
 /// A visit reads the spindle's ball twice and the reflector's once.
 const TARGETS: [&str; 3] = ["spindle", "reflector", "spindle"];
 
@@ -134,7 +134,7 @@ impl VisitedRobot {
     /// The errors of the zeros that are identified over their standard errors, the probability of the residuals, and whether halves of
     /// joint space, or patterns, are said to be no chance.
     fn identified(&self, scenario: &Scenario) -> (Vec<f64>, f64, [bool; 2]) {
-        let found = identify_absolute(&scenario.task.belief, &self.readings, &[], WEIGHTS);
+        let found = identify_absolute(&scenario.task.belief, &self.readings, &[], CHOICES);
         let found = found.expect("a fit");
         let is_zero = |kind: &ParameterKind| matches!(kind, ParameterKind::JointZero { .. });
         let zeros = self.truth.iter().filter(|(kind, _)| is_zero(kind));
@@ -210,7 +210,7 @@ fn a_misread_distance_is_left_out() {
     let scenario = scenario();
     let (belief, rows) = (&scenario.task.belief, stored(&scenario));
     let identified = |readings: &[AbsoluteReading]| {
-        let found = identify_absolute(belief, readings, &[], WEIGHTS);
+        let found = identify_absolute(belief, readings, &[], CHOICES);
         found.expect("a fit").fit
     };
     (0..200_usize).into_par_iter().for_each(|run| {
@@ -248,7 +248,7 @@ fn validated(
         own.flat_map(<[AbsoluteReading]>::to_vec).collect()
     };
     let belief = &scenario.task.belief;
-    let found = identify_absolute(belief, &half(0.0, 0), &[], WEIGHTS).expect("a fit");
+    let found = identify_absolute(belief, &half(0.0, 0), &[], CHOICES).expect("a fit");
     let json = found.json(scenario, &ProvenanceMessage::new(scenario), &[]);
     let place = Workplace::new();
     place.write("robot.json", json.expect("a record").to_string());
@@ -326,7 +326,7 @@ fn unknown_zeros(run: u64) -> (Scenario, Vec<AbsoluteReading>) {
 fn models_of_distances_are_compared() {
     for run in 0..3 {
         let (scenario, readings) = unknown_zeros(run);
-        let found = model_selection(&scenario.task.belief, &readings, WEIGHTS).expect("models");
+        let found = model_selection(&scenario.task.belief, &readings, CHOICES).expect("models");
         assert!(
             found.groups().contains(&ParameterGroup::Zeros),
             "{:?}",

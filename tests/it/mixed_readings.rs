@@ -10,7 +10,7 @@ use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::ReadPlan;
 use elastocal::testbed::TrueRobots;
-use elastocal::workflow::identify::identify_absolute;
+use elastocal::workflow::identify::{FitChoices, identify_absolute};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde_json::Value;
@@ -19,7 +19,7 @@ use crate::absolute_campaigns::fits_alike;
 use crate::absolute_trials::holds;
 use crate::support::{Workplace, number, project, scenario_text};
 
-const WEIGHTS: (ReadingWeights, bool) = (ReadingWeights::AsNeeded, false);
+const CHOICES: FitChoices = FitChoices::weighed(ReadingWeights::AsNeeded);
 /// Of the tracker alone.
 const RANGE: &str =
     "\n[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 8\nalong_um_per_m = 1\n";
@@ -165,17 +165,22 @@ fn predictions_hold_of_an_arm_on_a_rail() {
     holds(&json["trials"]);
 }
 
-/// Plans choose among both, each distance within its range.
+/// Plans choose among both, and each distance that is sampled is within its range.
 #[test]
 fn plans_choose_among_both() {
     let place = workplace();
-    let planned = place.json("plan s.toml --draw 12 --experiments 24 --plan-out drawn.csv");
+    let lengths = |planned: &Value| -> Vec<f64> {
+        let rows = planned["plan"].as_array().expect("a list").iter();
+        rows.filter_map(|row| row["distance_mm"].as_f64()).collect()
+    };
+    place.write("bar.toml", scenario_text("ur10_ballbar"));
+    let sampled = lengths(&place.json("plan bar.toml --draw 12 --experiments 24"));
+    assert!(sampled.len() > 2 && sampled.iter().all(|mm| (290.0..=310.0).contains(mm)));
+    let planned =
+        place.json("plan s.toml --candidates plan.csv --experiments 16 --plan-out drawn.csv");
     let rows = planned["plan"].as_array().expect("a list");
-    let lengths: Vec<f64> = (rows.iter())
-        .filter_map(|row| row["distance_mm"].as_f64())
-        .collect();
-    assert!(lengths.iter().all(|mm| (290.0..=310.0).contains(mm)));
-    assert!(lengths.len() > 2 && lengths.len() < rows.len(), "{planned}");
+    let by_bar = lengths(&planned).len();
+    assert!(by_bar > 2 && by_bar < rows.len(), "{planned}");
     for row in rows {
         assert_eq!(row["distance_mm"].is_null(), row["station"] == "tracker");
     }
@@ -298,7 +303,7 @@ fn identified(scenario: &Scenario, rows: &[Candidate], run: u64) -> (Vec<f64>, f
     let mut robots = robots.expect("a robot");
     (robots.become_run_of(truth, plan.len(), 5, run)).expect("a run");
     let readings = plan.readings(task, &mut robots, 5, run).expect("at rest");
-    let fit = identify_absolute(&task.belief, &readings, &[], WEIGHTS)
+    let fit = identify_absolute(&task.belief, &readings, &[], CHOICES)
         .expect("a fit")
         .fit;
     let error = |(index, parameter): (usize, &Parameter)| {

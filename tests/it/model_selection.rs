@@ -139,6 +139,14 @@ fn what_was_put_in_is_recommended() {
         let gear = waves(&mut random);
         let model_selection =
             model_selection(belief, &read_of(&mut random, &arm, 150, force_n, &gear));
+        // Gears that are not round come again in other blocks.
+        let with = model_selection.with_joint_errors.as_ref();
+        let judged = with.and_then(|with| with.cross_validation.as_ref().ok());
+        let apart = judged.map(|judged| judged.beyond_best + judged.standard_error);
+        assert!(
+            model_selection.recommends_joint_errors() && apart < Some(0.0),
+            "{apart:?}"
+        );
         model_selection.groups().to_vec()
     };
     let zeros: Vec<_> = (0..6u64)

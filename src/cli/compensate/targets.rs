@@ -133,8 +133,7 @@ impl Compensate {
             let largest = ["rad", "m"].into_iter().filter_map(|own| {
                 let is_own =
                     |error: &&JointError| robot.arm.chain.joints[error.joint].drive.unit() == own;
-                let values = errors
-                    .joints
+                let values = (errors.model.joints)
                     .iter()
                     .filter(is_own)
                     .flat_map(JointError::at_knots);
@@ -230,7 +229,7 @@ impl Compensate {
         let wrong =
             |problem: &str| FileError::new(&self.identified, problem).code(ErrorCode::Targets);
         let stations = match &robot.with_joint_errors {
-            Some(other) => &other.stations,
+            Some(other) => &other.robot.stations,
             None => &robot.stations,
         };
         let names = joined(stations.iter().filter_map(|each| each.name.as_ref()), ", ");
@@ -259,8 +258,8 @@ fn commands(
     rows: &[TargetRow],
 ) -> Vec<FoundCommands> {
     let errors = robot.with_joint_errors.as_ref();
-    let arm = errors.map_or(&robot.arm, |errors| &errors.arm);
-    let joints = errors.map_or(&[][..], |errors| &errors.joints);
+    let arm = errors.map_or(&robot.arm, |errors| &errors.robot.arm);
+    let joints = errors.map_or(&[][..], |errors| &errors.model.joints);
     let mut solver = InverseKinematics::new(arm, tool, joints);
     let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
     let mut starts: Vec<DVector<f64>> = own.collect();

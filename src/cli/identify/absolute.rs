@@ -12,7 +12,9 @@ use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::{Drive, Load, SerialChain};
 use crate::task::Belief;
 use crate::view::plots::model_selection_plot;
-use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
+use crate::workflow::identify::{
+    FitChoices, IdentifiedRobot, identify_absolute, model_selection, uncounted,
+};
 
 use super::Identify;
 use crate::cli::command_prelude::*;
@@ -37,15 +39,20 @@ impl Identify {
             (false, false) => ReadingWeights::AsNeeded,
         };
         let (belief, file) = (&scenario.task.belief, &self.measurements);
-        let (how, wrong) = ((weights, self.keep_all), |error: IdentificationError| {
-            error.in_file(file)
-        });
+        let mut choices = FitChoices {
+            weights,
+            keeps_all: self.keep_all,
+            uses_joint_errors: !self.without_joint_errors,
+        };
+        let wrong = |error: IdentificationError| error.in_file(file);
         let model_selection = (self.model_selection)
-            .then(|| model_selection(belief, readings, how).map_err(wrong))
+            .then(|| model_selection(belief, readings, choices).map_err(wrong))
             .transpose()?;
         let model_selection = model_selection.as_ref();
         let groups = model_selection.map_or(&*self.parameters, ModelSelection::groups);
-        let mut identified = identify_absolute(belief, readings, groups, how).map_err(wrong)?;
+        choices.uses_joint_errors &=
+            model_selection.is_none_or(ModelSelection::recommends_joint_errors);
+        let mut identified = identify_absolute(belief, readings, groups, choices).map_err(wrong)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
             let others = read_measured(other, &scenario.task)?.absolute(other, why)?;
@@ -85,6 +92,7 @@ impl Identify {
             "  Not counted but as part of what the residuals show: {}\n",
         );
         *text += &residuals::patterns(&identified.patterns);
+        *text += &residuals::drifts(identified.drifts.as_ref());
         *text += &residuals::repeats(identified.repeats.as_ref(), "positions");
         *text += &residuals::components(identified.repeat_components.as_ref());
         for each in &identified.inconsistencies {

@@ -34,6 +34,10 @@ pub struct Identify {
     /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
     #[arg(long, conflicts_with = "parameters")]
     model_selection: bool,
+    /// Leave out joint error functions: what joints are off by over their own angles is part of the model discrepancy. Of absolute
+    /// readings; with --model-selection they are left out, too, where they do not predict other blocks better.
+    #[arg(long)]
+    without_joint_errors: bool,
     /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
     /// are named.
     #[arg(long, value_name = "FILE")]

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
+use super::mixed::MixedVariances;
 use super::{
-    AbsoluteCase, AbsoluteFit, CopiedReadings, FitResult, ReadingResidual, RejectedReading,
-    joint_space_blocks,
+    AbsoluteCase, AbsoluteFit, CopiedReadings, FitResult, JointError, ReadingResidual,
+    RejectedReading, joint_space_blocks,
 };
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
@@ -63,9 +64,22 @@ impl AbsoluteCase<'_> {
             shared: self.shared.as_ref().map(|shared| shared.among(&places)),
             is_sharing_known: self.is_sharing_known,
             keeps_all: self.keeps_all,
+            uses_joint_errors: self.uses_joint_errors,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         }
+    }
+
+    /// The same case as if joints had been commanded where they stand by these errors.
+    pub(super) fn displaced(&self, errors: &[JointError]) -> Self {
+        let mut case = self.part_of(|_| true);
+        for each in &mut case.observations {
+            let commanded = each.setup.commanded_rad.clone();
+            for error in errors {
+                each.setup.commanded_rad[error.joint] += error.at(commanded.as_slice());
+            }
+        }
+        case
     }
 
     /// Each reading's block of joint space, among so many. Readings of one visit are of one configuration.
@@ -125,6 +139,8 @@ pub(super) struct Without {
     pub is_told: Vec<bool>,
     /// What is left of the block's readings.
     pub left: Vec<ReadingResidual>,
+    /// What joints are off by as the other blocks tell it; nothing where that is not asked.
+    pub joint_errors: Vec<JointError>,
 }
 
 pub(super) struct Blocks<'a> {
@@ -229,6 +245,35 @@ impl<'a> Blocks<'a> {
             left: part.left(&set.apply(&part.arm, values.as_slice()))?,
             is_told: part.determined_by_others(set, &values, &hidden)?,
             values,
+            joint_errors: Vec::new(),
         })
+    }
+
+    /// The same with joint error functions beside the parameters, of a fit that leaves such a discrepancy, found from the variances of
+    /// all; none where some other blocks are too few for these.
+    pub fn with_joint_errors(
+        &self,
+        (fit, discrepancy): (&ParameterFit, [f64; 2]),
+        of_all: &MixedVariances,
+        without: &[Without],
+    ) -> Option<Vec<Without>> {
+        let of_block = |(block, without): (usize, &Without)| {
+            let rest = (self.case).part_of(|index| self.of_readings[index] != block);
+            let mut others = fit.clone();
+            others.posterior.mean = without.values.as_slice().to_vec();
+            let (model, _) =
+                rest.likeliest_discrepancy_model(&others, discrepancy, Some(of_all))?;
+            let values = &without.values + &model.shift;
+            let part = self.parts[block].displaced(&model.joints);
+            Some(Without {
+                left: part
+                    .left(&fit.set.apply(&part.arm, values.as_slice()))
+                    .ok()?,
+                is_told: without.is_told.clone(),
+                values,
+                joint_errors: model.joints,
+            })
+        };
+        without.par_iter().enumerate().map(of_block).collect()
     }
 }

@@ -56,6 +56,8 @@ pub struct AbsoluteCase<'a> {
     pub(super) is_sharing_known: bool,
     /// Whether readings that lie far out are fitted, too.
     pub keeps_all: bool,
+    /// Whether joint error functions are used, those of the planner's model among them.
+    pub uses_joint_errors: bool,
     /// The readings that are far out of any frames, which no fit begins with.
     pub far_from_frames: Vec<RejectedReading>,
     /// Readings that are equal to the last digit.
@@ -123,6 +125,7 @@ impl<'a> AbsoluteCase<'a> {
             shared: None,
             is_sharing_known: false,
             keeps_all: false,
+            uses_joint_errors: true,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         };

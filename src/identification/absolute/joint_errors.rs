@@ -25,6 +25,7 @@ use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::CHI_SQUARE_95;
 use crate::observation::{ObservationModel, ReadingKind, Setup};
 use crate::parameter::{ElasticArm, ParameterSet};
+use crate::robot::nearest_turn;
 
 /// The square that 95 % of normal errors of three coordinates stay below, over their variance.
 pub const SQUARE_95: f64 = CHI_SQUARE_95[2];
@@ -35,6 +36,9 @@ pub struct JointError {
     /// The joint; records have its name.
     #[serde(skip)]
     pub joint: usize,
+    /// The middle of the turn (rad) in which its angle counts, where it turns further: its error comes again in each turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turn_about: Option<f64>,
     /// How its error wanders over its angle.
     #[serde(flatten)]
     pub process: MarkovProcess,
@@ -62,9 +66,14 @@ impl JointError {
         self.values.iter().copied().step_by(order)
     }
 
-    /// By how much further than commanded the joint stands there (rad; m where it slides).
-    pub fn at(&self, commanded: f64) -> f64 {
-        let between = self.process.between(commanded);
+    /// Where among the knots the joint is commanded.
+    fn angle(&self, q: &[f64]) -> f64 {
+        nearest_turn(q[self.joint], self.turn_about)
+    }
+
+    /// By how much further than commanded the joint stands at a configuration (rad; m where it slides).
+    pub fn at(&self, q: &[f64]) -> f64 {
+        let between = self.process.between(self.angle(q));
         (between.terms())
             .map(|(state, weight)| weight * self.values[state])
             .sum()
@@ -174,11 +183,30 @@ impl DiscrepancyModel {
         offsets
     }
 
+    /// By how much further than commanded a joint of these, by its place, stands at an angle among its knots, with the standard error of that
+    /// (rad; m where it slides).
+    pub fn error_at(&self, place: usize, angle: f64) -> [f64; 2] {
+        let (joint, first) = (&self.joints[place], self.offsets()[place]);
+        let between = joint.process.between(angle);
+        let terms = between.terms();
+        let value = terms
+            .clone()
+            .map(|(state, weight)| weight * joint.values[state]);
+        let pairs = terms
+            .clone()
+            .flat_map(|one| terms.clone().map(move |other| (one, other)));
+        let known = pairs.map(|((row, one), (column, other))| {
+            one * other * self.covariance[(first + row, first + column)]
+        });
+        let variance = known.sum::<f64>() + joint.deviation.powi(2) * between.spare;
+        [value.sum(), variance.max(0.0).sqrt()]
+    }
+
     /// Whether commanded angles are among those that were read of all joints with errors of their own.
     pub(super) fn reaches(&self, q: &[f64]) -> bool {
         (self.joints.iter()).all(|each| {
             let [low, high] = each.process.range();
-            (low..=high).contains(&q[each.joint])
+            (low..=high).contains(&each.angle(q))
         })
     }
 
@@ -186,7 +214,7 @@ impl DiscrepancyModel {
     pub(super) fn local(&self, rows: &LinearReading, places: &[usize], q: &[f64]) -> LocalRows {
         let offsets = self.offsets();
         let mut index = places.to_vec();
-        let each = |joint: &JointError| joint.process.between(q[joint.joint]);
+        let each = |joint: &JointError| joint.process.between(joint.angle(q));
         let between: Vec<Between> = self.joints.iter().map(each).collect();
         let columns = places.len() + between.iter().map(|each| each.terms().len()).sum::<usize>();
         let mut matrix = rows.columns.clone().resize_horizontally(columns, 0.0);
@@ -237,7 +265,7 @@ impl DiscrepancyModel {
 
     /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
     pub(super) fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
-        let angles = self.joints.iter().map(|each| q[each.joint]);
+        let angles = self.joints.iter().map(|each| each.angle(q));
         self.scale[part] * self.relative_at(part, angles)
     }
 

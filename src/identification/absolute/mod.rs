@@ -33,7 +33,7 @@ pub use case::AbsoluteCase;
 pub use fit::{AbsoluteFit, ReadingWeights};
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency};
 pub use joint_errors::{DiscrepancyModel, JointError, ReadingPrognosis, SQUARE_95, Unexplained};
-pub use mixed::VarianceComponents;
+pub use mixed::{ComponentIntervals, VarianceComponents};
 pub use model_selection::{CrossValidation, ModelSelection, NestedModel, Recommendation};
 pub use parts::{PartsOfReadings, PredictedPositions, SimulatedReadings};
 pub use prognoses::MovedStation;

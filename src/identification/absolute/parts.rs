@@ -196,7 +196,9 @@ impl PartsOfReadings<'_> {
                 by_unknowns,
                 by_processes: ProcessPoint {
                     columns: by(|each| &each.joints) * &deviations,
-                    places: joints.iter().map(|&joint| q[joint]).collect(),
+                    places: (joints.iter())
+                        .map(|&joint| self.case.arm.chain.joints[joint].in_turn(q[joint]))
+                        .collect(),
                 },
                 new: self.new_at(group, &rows),
             }
@@ -324,7 +326,9 @@ impl PartsOfReadings<'_> {
                 let new: f64 = StandardNormal.sample(random);
                 for &place in visit {
                     let (setup, returned) = (&mut setups[place], &mut returned[place]);
-                    let error = sample.at(setup.commanded_rad[joint]);
+                    let chain = &self.case.arm.chain;
+                    let place = chain.joints[joint].in_turn(setup.commanded_rad[joint]);
+                    let error = sample.at(place);
                     setup.commanded_rad[joint] += function.deviation_rad * error;
                     returned.commanded_rad[joint] =
                         setup.commanded_rad[joint] + function.repeatability_rad * new;

@@ -5,13 +5,34 @@ use nalgebra::{Matrix6xX, Vector3, Vector6};
 use super::super::discrepancy::discrepancy_covariance;
 use super::super::patterns::{BLOCKS, LookedAt, ReadingRows};
 use super::case::whitener;
-use super::{AbsoluteCase, AbsoluteFit, FitResult, IdentificationError};
+use super::{AbsoluteCase, AbsoluteFit, FitResult, IdentificationError, Unexplained};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{Observation, ObservationModel, Reading, ReadingKind};
 use crate::parameter::ParameterKind;
 use crate::robot::Approach;
 
 impl AbsoluteCase<'_> {
+    /// The same of what joint error functions leave beside the parameters, where the fit has some.
+    ///
+    /// # Errors
+    /// The robot has no equilibrium.
+    pub fn looked_at_beside_joint_errors(
+        &self,
+        fit: &AbsoluteFit,
+        readings: &[AbsoluteReading],
+    ) -> FitResult<Option<LookedAt>> {
+        let Some(Unexplained { model, .. }) = &fit.discrepancy_model else {
+            return Ok(None);
+        };
+        let mut beside = fit.clone();
+        for (value, shift) in beside.posterior.mean.iter_mut().zip(&model.shift) {
+            *value += shift;
+        }
+        beside.discrepancy = Some(model.rest);
+        let looked = self.displaced(&model.joints).looked_at(&beside, readings)?;
+        Ok((!model.joints.is_empty()).then_some(looked))
+    }
+
     /// What a fit leaves of the readings that the case was made of. Each counts by its own covariance and by the fit's discrepancy,
     /// those of one visit, too.
     ///

@@ -4,7 +4,7 @@ use nalgebra::DMatrix;
 
 use super::super::estimate::told_degrees;
 use super::super::fit::ParameterFit;
-use super::mixed::{MixedModel, VarianceComponents};
+use super::mixed::{ComponentIntervals, MixedModel, MixedVariances, VarianceComponents};
 use super::residuals::LinearReading;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, AbsoluteFit, DiscrepancyModel, ReadingResidual, Unexplained};
@@ -28,9 +28,27 @@ impl AbsoluteCase<'_> {
         self.mixed_of(&fit.set, &fit.posterior, joints, discrepancy)
     }
 
+    /// Joint error functions and what is new at each visit, the likeliest, beginning with those of like readings, and their variances; none
+    /// where there is too little to tell.
+    pub(super) fn likeliest_discrepancy_model(
+        &self,
+        fit: &ParameterFit,
+        discrepancy: [f64; 2],
+        start: Option<&MixedVariances>,
+    ) -> Option<(DiscrepancyModel, MixedVariances)> {
+        let (_, mixed) = self.mixed(fit, discrepancy)?;
+        match start {
+            Some(start) => mixed.begun_at(start).likeliest_model(),
+            None => mixed.likeliest_model(),
+        }
+    }
+
     /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing
-    /// is left beyond the readings' own covariances.
-    pub fn variance_components(&self, fit: &AbsoluteFit) -> Option<VarianceComponents> {
+    /// is left beyond the readings' own covariances. How well they are known by that.
+    pub fn variance_components(
+        &self,
+        fit: &AbsoluteFit,
+    ) -> Option<(VarianceComponents, ComponentIntervals)> {
         fit.discrepancy_model.as_ref()?;
         let joints = self.commanded_joints();
         let kept = self.kept(fit);
@@ -41,7 +59,8 @@ impl AbsoluteCase<'_> {
     /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that
     /// and `rest` where it does not; none where it has no functions, or weighs readings by them already.
     pub(super) fn known_components(&self, rest: [f64; 2]) -> Option<VarianceComponents> {
-        let uncertain = Some(&self.belief.uncertain).filter(|_| !self.is_sharing_known)?;
+        let uncertain = Some(&self.belief.uncertain)
+            .filter(|_| self.uses_joint_errors && !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);

@@ -211,8 +211,11 @@ impl AbsoluteMessage {
             rotation_residuals_mrad: (fit.left.iter().filter(|_| angles.is_some()))
                 .map(|each| each.rotation_rad.map(|rad| (rad * 1e3).into()))
                 .collect(),
-            discrepancy_model: (fit.discrepancy_model.as_ref())
-                .map(|each| discrepancy_model(case, fit, each)),
+            discrepancy_model: (fit
+                .discrepancy_model
+                .as_ref()
+                .filter(|_| fit.uses_joint_errors))
+            .map(|each| discrepancy_model(case, fit, each)),
             ranges_read: ranges_read(case, fit),
             rejected: fit.rejected.iter().map(RejectedReading::json).collect(),
             conditions: fit.conditions(),

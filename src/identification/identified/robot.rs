@@ -15,6 +15,7 @@ use crate::identification::{DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_OR
 use crate::numeric::markov::MarkovProcess;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ANY_VARIANCE;
+use crate::robot::nearest_turn;
 use crate::text::wording::counted;
 
 /// A robot as `identify --identified-out` tells it from absolute readings.
@@ -64,6 +65,9 @@ impl ReadRanges {
             let joints = joints.iter().zip(q).map(|(joint, at)| {
                 let read = self.0.iter().find(|each| each.joint == joint.name);
                 let [low, high] = read.map_or([*at; 2], |each| each.range);
+                // What comes again in each turn was read in any of them.
+                let middle = joint.turn_about().map(|_| f64::midpoint(low, high));
+                let at = nearest_turn(*at, middle);
                 let beyond = f64::max(low - at, at - high);
                 let counts = beyond > (BEYOND * (high - low)).max(LEAST_BEYOND);
                 if counts { beyond } else { 0.0 }

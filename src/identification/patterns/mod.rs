@@ -99,11 +99,22 @@ pub struct Patterns {
 impl LookedAt {
     /// Looks for patterns in what a fit without outliers leaves of the others.
     pub fn patterns(&self, rejected: &[RejectedReading]) -> Patterns {
+        self.patterns_among(&self.candidates(), rejected)
+    }
+
+    /// The same of what goes with order, time or temperature alone.
+    pub fn drifts(&self, rejected: &[RejectedReading]) -> Patterns {
+        let mut candidates = self.candidates();
+        candidates.retain(|each| matches!(each, Against::Course(..)));
+        self.patterns_among(&candidates, rejected)
+    }
+
+    fn patterns_among(&self, candidates: &[Against], rejected: &[RejectedReading]) -> Patterns {
         let mut projected = Projected::new(self);
         let square = projected.left.norm_squared();
         // Residuals that are nothing beside the instrument's noise are rounding.
         let mut likely = if square > NOTHING * projected.spare as f64 {
-            screened(self, &projected, &self.candidates())
+            screened(self, &projected, candidates)
         } else {
             Vec::new()
         };

@@ -145,13 +145,9 @@ impl ReadingsWanted<'_> {
             again: if planning.ties_all() { TIED_ROUNDS } else { 1 },
             watch,
         };
-        let first = if planning.ties_all() {
-            let offered = planning.offered();
-            let rows = [offered, &near_test_poses(planning.task, offered, seed)].concat();
-            rounds.search(&of_rows(&merged(&rows))?, None, 0)
-        } else {
-            rounds.search(planning, None, 0)
-        };
+        let offered = planning.offered();
+        let near = near_test_poses(planning.task, offered, seed);
+        let first = rounds.search(&of_rows(&merged(&[offered, &near].concat()))?, None, 0);
         let rows: Vec<Candidate> = known.iter().map(|(row, _)| row.clone()).collect();
         let known = of_rows(&rows).ok().and_then(|own| {
             let found = AbsolutePlan {

@@ -55,8 +55,11 @@ impl RobotFunctions {
     ) -> Self {
         let each: Vec<JointFunction> = sources.iter().flat_map(|each| each.functions()).collect();
         let sources = || sources.iter().copied();
-        let angles =
-            |q: &DVector<f64>| -> Vec<f64> { each.iter().map(|each| q[each.joint]).collect() };
+        let joints = &case.belief.nominal.chain.joints;
+        let angles = |q: &DVector<f64>| -> Vec<f64> {
+            let each = each.iter().map(|each| each.joint);
+            each.map(|joint| joints[joint].in_turn(q[joint])).collect()
+        };
         let candidate = |(place, load): &(usize, Load)| ProcessPoint {
             places: angles(&case.observations[*place].setup.commanded_rad),
             columns: columns(&case.disturbed(*place, load, sources()).configuration, 6),

@@ -13,7 +13,9 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::{LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents};
+use super::{
+    ComponentIntervals, LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents,
+};
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Correlation, FIRST_LENGTH};
 use crate::parameter::JointFunction;
@@ -27,6 +29,11 @@ const GAIN: f64 = 0.05;
 /// A step is damped as if so many numbers told each logarithm what it is, and less where that goes well.
 const DAMPING: f64 = 1.0;
 const DAMPED: [f64; 2] = [0.25, 8.0];
+/// A logarithm that is nearer to the edge of what is looked for is at it, and an interval that reaches further says nothing.
+const EDGE: f64 = 1e-3;
+const MOST_REACH: f64 = 7.0;
+/// 95 % of normal numbers lie within so many standard deviations.
+const WITHIN_95: f64 = 1.96;
 
 /// What readings say of the logarithms of variances and lengths.
 struct PartsTold {
@@ -35,13 +42,23 @@ struct PartsTold {
     curvature: DMatrix<f64>,
 }
 
+/// The likeliest variances and lengths.
+struct LikeliestVariances {
+    /// The logarithm of their likelihood.
+    likelihood: f64,
+    variances: MixedVariances,
+    /// How far the interval of 95 % of each logarithm, those of variances and then those of lengths, reaches to either side; none where
+    /// the readings do not say.
+    reach: Vec<Option<f64>>,
+}
+
 impl MixedModel {
     /// The likeliest variance components of parts that are as sparse as plans (every k-th pose), all the same, with the likeliest of the
     /// correlations.
     ///
     /// A real joint's error is no process of one length: read densely it looks smoother than the few poses of a plan find it, and
     /// predictions from them are too good. Where poses are visited again, what is new at a pose is told from what is new at a visit.
-    pub fn components(&self) -> Option<VarianceComponents> {
+    pub fn components(&self) -> Option<(VarianceComponents, ComponentIntervals)> {
         let rows: usize = (self.visits.iter()).map(|visit| visit.residual.len()).sum();
         let count = (self.visits.len().div_ceil(SPARSE)).max(rows.div_ceil(ROWS));
         let parts: Vec<Self> = (0..count)
@@ -50,7 +67,8 @@ impl MixedModel {
         let found = Correlation::ALL.map(|each| self.likeliest_components(&parts, each));
         // Of equally likely ones the first.
         let found = found.into_iter().flatten().rev();
-        let (_, found) = found.max_by(|one, other| one.0.total_cmp(&other.0))?;
+        let found = found.max_by(|one, other| one.likelihood.total_cmp(&other.likelihood))?;
+        let (found, reach) = (found.variances, found.reach);
         let function = |(place, &joint): (usize, &usize)| JointFunction {
             joint,
             deviation_rad: found.all[2 + place].sqrt(),
@@ -61,18 +79,43 @@ impl MixedModel {
             Some(first) => found.all[first + part],
             None => found.all[part] + self.within[part],
         };
-        Some(VarianceComponents {
+        // Ends of an interval whose logarithm reaches so far to either side.
+        let ends = |value: f64, reach: Option<f64>| {
+            reach.map(|reach| [value * (-reach).exp(), value * reach.exp()])
+        };
+        let deviation = |place: usize| {
+            let variance = found.all[place];
+            ends(variance.sqrt(), reach[place].map(|reach| 0.5 * reach))
+        };
+        let joints = 0..self.joints.len();
+        let of_rest = found.of_poses.unwrap_or(0);
+        let intervals = ComponentIntervals {
+            deviations: joints.clone().map(|place| deviation(2 + place)).collect(),
+            lengths: joints
+                .clone()
+                .map(|place| {
+                    let length = found.process[place].kernel.length;
+                    ends(length, reach[found.all.len() + place])
+                })
+                .collect(),
+            repeatabilities: joints
+                .map(|place| deviation(found.returns() + place))
+                .collect(),
+            rest_of_positions: deviation(of_rest),
+        };
+        let components = VarianceComponents {
             functions: self.joints.iter().enumerate().map(function).collect(),
             rest: [rest(0).sqrt(), rest(1).sqrt()],
-        })
+        };
+        Some((components, intervals))
     }
 
-    /// The likeliest variances and lengths for all parts together, with the logarithm of their likelihood.
+    /// The likeliest variances and lengths for all parts together.
     fn likeliest_components(
         &self,
         parts: &[Self],
         correlation: Correlation,
-    ) -> Option<(f64, MixedVariances)> {
+    ) -> Option<LikeliestVariances> {
         let first = self.first();
         let sizes = first.all.len();
         let shortest = vec![FIRST_LENGTH.ln(); first.process.len()];
@@ -139,7 +182,23 @@ impl MixedModel {
                 }
             }
         }
-        Some((found.likelihood, variances(&at)))
+        // At the edge of what is looked for nothing says how far the other side is.
+        let inner: Vec<usize> = (0..at.len())
+            .filter(|&place| low[place] + EDGE < at[place] && at[place] < high[place] - EDGE)
+            .collect();
+        let curvature = found.curvature.select_rows(&inner).select_columns(&inner);
+        let mut reach = vec![None; at.len()];
+        if let Some(factor) = Cholesky::new(curvature) {
+            for (&place, variance) in inner.iter().zip(&inverse_of(&factor).diagonal()) {
+                reach[place] =
+                    Some(WITHIN_95 * variance.sqrt()).filter(|reach| *reach < MOST_REACH);
+            }
+        }
+        Some(LikeliestVariances {
+            likelihood: found.likelihood,
+            variances: variances(&at),
+            reach,
+        })
     }
 
     /// What the readings say, all poses together.

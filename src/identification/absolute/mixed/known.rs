@@ -25,6 +25,20 @@ pub struct VarianceComponents {
     pub rest: [f64; 2],
 }
 
+/// How well variance components are known from readings.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ComponentIntervals {
+    /// Intervals of 95 % of each function's standard deviation (rad; m where it slides), in the joints' order; none at the edge of what
+    /// is looked for.
+    pub deviations: Vec<Option<[f64; 2]>>,
+    /// Of its length (rad; m).
+    pub lengths: Vec<Option<[f64; 2]>>,
+    /// Of how the joint returns (rad; m).
+    pub repeatabilities: Vec<Option<[f64; 2]>>,
+    /// Of positions' part of [`VarianceComponents::rest`] (m).
+    pub rest_of_positions: Option<[f64; 2]>,
+}
+
 impl VarianceComponents {
     /// The covariance of how joints return at a visit between the rows of two of its readings, which these errors move (r x f each).
     pub fn returns(&self, [one, other]: [&DMatrix<f64>; 2]) -> DMatrix<f64> {

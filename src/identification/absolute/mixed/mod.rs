@@ -29,7 +29,7 @@ use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
 use crate::robot::Approach;
 pub(super) use components::in_blocks;
-pub use known::VarianceComponents;
+pub use known::{ComponentIntervals, VarianceComponents};
 use pose_readings::{by_pose, sums_of};
 
 /// No joint has more knots.
@@ -90,7 +90,7 @@ pub(super) struct PoseReadings {
 
 /// The variances that are looked for.
 #[derive(Debug, Clone, PartialEq)]
-struct MixedVariances {
+pub(super) struct MixedVariances {
     /// Of what is new at visits, of positions and of rotations; of each joint's error; of the waves of each joint that has them; of what
     /// is new at configurations, of positions and of rotations, where some are visited again; of how each joint returns at each visit.
     all: Vec<f64>,
@@ -115,6 +115,8 @@ pub(super) struct MixedModel {
     /// The joints, and how the coordinates become parameters (p x r).
     joints: Vec<usize>,
     units: DMatrix<f64>,
+    /// The middle of the turn in which each joint's angle counts, if it has several.
+    turn_about: Vec<Option<f64>>,
     /// Variances to start from, of positions and of rotations, that readings of one visit share,
     shared: [f64; 2],
     /// and those that they do not share.
@@ -123,6 +125,8 @@ pub(super) struct MixedModel {
     most_knots: usize,
     /// The joints with waves, by their places among all.
     waving: Vec<usize>,
+    /// Variances that are likely, to begin with.
+    start: Option<MixedVariances>,
 }
 
 /// What the model says with some variances.
@@ -156,12 +160,16 @@ impl MixedModel {
                 })
                 .collect(),
             pull: -basis.tr_mul(&pull),
+            turn_about: (joints.iter())
+                .map(|&joint| case.arm.chain.joints[joint].turn_about())
+                .collect(),
             joints,
             units: posterior.estimable.basis_in_units(),
             shared: [0, 1].map(|part| discrepancy[part].powi(2) - case.within[part].powi(2)),
             within: case.within.map(|each| each * each),
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
+            start: None,
         };
         model.visits = by_pose(&model.visits_of(case, rows));
         model
@@ -173,7 +181,8 @@ impl MixedModel {
             let (rows, setup) = (&rows[index], &case.observations[index].setup);
             let count = rows.residual.len();
             let station = case.arm.instrument_from_base[setup.station];
-            let angle = |&joint: &usize| setup.commanded_rad[joint];
+            let joints = &case.arm.chain.joints;
+            let angle = |&joint: &usize| joints[joint].in_turn(setup.commanded_rad[joint]);
             PoseReadings {
                 residual: rows.residual.clone(),
                 fixed: &rows.columns * &self.units,
@@ -264,11 +273,19 @@ impl MixedModel {
             pulls,
             joints: self.joints.clone(),
             units: stack![self.units, 0; 0, other.units],
+            turn_about: self.turn_about.clone(),
             shared: [0, 1].map(|part| f64::midpoint(self.shared[part], other.shared[part])),
             within: [0, 1].map(|part| f64::midpoint(self.within[part], other.within[part])),
             most_knots: self.most_knots.min(other.most_knots),
             waving: self.waving.clone(),
+            start: None,
         }
+    }
+
+    /// The same that begins with such variances.
+    pub fn begun_at(mut self, variances: &MixedVariances) -> Self {
+        self.start = Some(variances.clone());
+        self
     }
 
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
@@ -281,7 +298,7 @@ impl MixedModel {
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
-        let mut variances = self.first();
+        let mut variances = self.start.clone().unwrap_or_else(|| self.first());
         let count = self.visits.len();
         let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
         let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));

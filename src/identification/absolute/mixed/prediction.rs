@@ -36,6 +36,12 @@ impl MixedModel {
         Some((model, predicted_by_others))
     }
 
+    /// What the likeliest variances say, and these.
+    pub fn likeliest_model(&self) -> Option<(DiscrepancyModel, MixedVariances)> {
+        let (variances, solved) = self.likeliest()?;
+        Some((self.model(&variances, &solved), variances))
+    }
+
     pub(super) fn model(
         &self,
         variances: &MixedVariances,
@@ -52,6 +58,7 @@ impl MixedModel {
             joints: joints
                 .map(|(joint, process)| JointError {
                     joint: self.joints[joint],
+                    turn_about: self.turn_about[joint],
                     values: solved.mean.as_slice()[offsets[joint]..offsets[joint + 1]].to_vec(),
                     process: process.clone(),
                     deviation: variances.all[2 + joint].sqrt(),

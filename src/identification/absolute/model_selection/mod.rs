@@ -3,12 +3,14 @@
 //! Each nested model fits what the nested model below does and one group more, all with the same weights: the readings' own covariances and
 //! what the highest nested model leaves unexplained. What a model leaves is alike in configurations that are near each other, so nested models are
 //! compared by blocks of joint space: each block is predicted by a fit to all others. Of the nested models whose loss is
-//! within one standard error of the smallest (of the difference, from block to block) the lowest is recommended.
+//! within one standard error of the smallest (of the difference, from block to block) the lowest is recommended. Joint error functions
+//! beside it are one model more: they are recommended if their loss is smaller by more than one standard error.
 //!
 //! Readings that lie far out of the highest nested model are no matter of any: all nested models are fitted to the others and judged by them.
 
 mod recommendation;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::fit::{ParameterFit, fit_parameters};
@@ -50,6 +52,8 @@ pub struct ModelSelection {
     pub judged: usize,
     /// Which nested model to use.
     pub recommendation: Option<Recommendation>,
+    /// The recommended one with joint error functions beside its parameters, where they can be told.
+    pub with_joint_errors: Option<NestedModel>,
     /// The readings that were left out of all nested models, since they lie far out of the highest.
     pub rejected: Vec<RejectedReading>,
 }
@@ -141,8 +145,8 @@ impl AbsoluteCase<'_> {
                 }
             }
         }
-        let mut nested_models = Vec::new();
-        for (step, without) in steps.into_iter().zip(without) {
+        let (mut nested_models, mut fits) = (Vec::new(), Vec::new());
+        for (step, without) in steps.into_iter().zip(&without) {
             let left = case.left(&step.fit.belief)?;
             let named = step.fit.freedoms.named.iter();
             nested_models.push(NestedModel {
@@ -152,14 +156,24 @@ impl AbsoluteCase<'_> {
                 distances: DistanceStatistics::of_positions(&left),
                 angles: DistanceStatistics::of_rotations(&left),
                 discrepancy: case.discrepancy_of(&left, &step.fit),
-                cross_validation: without.and_then(|without| {
-                    cross_validation(&blocks, &judged, &step.fit.set, &without)
-                }),
+                cross_validation: (without.as_ref().map_err(String::clone))
+                    .and_then(|without| cross_validation(&blocks, &judged, &step.fit.set, without)),
                 groups: step.groups,
             });
+            fits.push(step.fit);
         }
+        let mut recommendation = recommended(&mut nested_models);
+        let with_joint_errors = recommendation.as_mut().and_then(|found| {
+            let (place, chosen) = (found.nested_model, &nested_models[found.nested_model]);
+            let plain = without[place].as_ref().ok()?;
+            let fit = &fits[place];
+            let mut model = with_joint_errors((&blocks, &judged), fit, (chosen, plain))?;
+            found.compare_joint_errors(chosen, &mut model);
+            Some(model)
+        });
         Ok(ModelSelection {
-            recommendation: recommended(&mut nested_models),
+            recommendation,
+            with_joint_errors,
             nested_models,
             skipped,
             blocks: blocks.len(),
@@ -280,6 +294,7 @@ fn cross_validation(
         );
         let part =
             (blocks.case).part_of(|index| blocks.of_readings[index] == block && judged[index]);
+        let part = part.displaced(&each.joint_errors);
         let readings = part.fitted_readings(set);
         let rows = readings.rows();
         if rows == 0 {
@@ -304,7 +319,42 @@ fn cross_validation(
     })
 }
 
+/// A nested model with joint error functions beside its parameters, by the same readings; none where they cannot be told.
+fn with_joint_errors(
+    (blocks, judged): (&Blocks<'_>, &[bool]),
+    fit: &ParameterFit,
+    (chosen, without): (&NestedModel, &[Without]),
+) -> Option<NestedModel> {
+    let (all, variances) =
+        (blocks.case).likeliest_discrepancy_model(fit, chosen.discrepancy, None)?;
+    let values = DVector::from_column_slice(&fit.posterior.mean) + &all.shift;
+    let case = blocks.case.displaced(&all.joints);
+    let left = case
+        .left(&fit.set.apply(&case.arm, values.as_slice()))
+        .ok()?;
+    let without = blocks.with_joint_errors((fit, chosen.discrepancy), &variances, without)?;
+    Some(NestedModel {
+        distances: DistanceStatistics::of_positions(&left),
+        angles: DistanceStatistics::of_rotations(&left),
+        discrepancy: all.rest,
+        cross_validation: cross_validation(blocks, judged, &fit.set, &without),
+        ..chosen.clone()
+    })
+}
+
 impl ModelSelection {
+    /// What a nested model adds, by its place.
+    pub fn name(&self, place: usize) -> String {
+        let plus = if place > 0 { "+ " } else { "" };
+        format!("{plus}{}", self.nested_models[place].added.word())
+    }
+
+    /// Whether joint error functions predict blocks that they were not fitted to.
+    pub fn recommends_joint_errors(&self) -> bool {
+        let recommended = self.recommendation.as_ref();
+        recommended.is_none_or(|each| each.with_joint_errors)
+    }
+
     /// What the recommended nested model fits, as `--parameters` takes it; frames alone where no nested model could be judged.
     pub fn groups(&self) -> &[ParameterGroup] {
         let recommended = self.recommendation.as_ref();

@@ -12,8 +12,46 @@ pub struct Recommendation {
     pub best: usize,
     /// The lowest nested model whose loss is no more than one standard error of the difference above that.
     pub nested_model: usize,
+    /// Whether to use joint error functions beside it.
+    pub with_joint_errors: bool,
     /// What is recommended, and why.
     pub sentences: Vec<String>,
+}
+
+impl Recommendation {
+    /// Compares the recommended model with the same that has joint error functions beside its parameters: that is recommended if its loss is
+    /// smaller by more than one standard error of the difference.
+    pub(super) fn compare_joint_errors(&mut self, without: &NestedModel, with: &mut NestedModel) {
+        let (Ok(plain), Ok(judged)) = (&without.cross_validation, &mut with.cross_validation)
+        else {
+            return;
+        };
+        let (apart, error) = difference(judged, plain);
+        (judged.beyond_best, judged.standard_error) = (plain.beyond_best + apart, error);
+        self.with_joint_errors = apart < -error;
+        let rms_mm = judged.distances.map_or(0.0, |each| each.rms * 1e3);
+        let (side, verdict) = match (apart < 0.0, self.with_joint_errors) {
+            (true, true) => ("smaller", "they are used"),
+            (true, false) => ("smaller", "no reason to use them"),
+            (false, _) => ("larger", "they are left out"),
+        };
+        self.sentences.push(format!(
+            "With joint error functions beside it, {rms_mm:.4} mm there: the loss is {side} by {:.1} standard errors of the \
+             difference, {verdict}.",
+            apart.abs() / error
+        ));
+    }
+}
+
+/// By how much the loss of one model is larger than another's, with the standard error of this from block to block.
+fn difference(own: &CrossValidation, other: &CrossValidation) -> (f64, f64) {
+    let losses = own.block_losses.iter().zip(&other.block_losses);
+    let apart: Vec<f64> = losses.map(|(own, other)| own - other).collect();
+    let count = apart.len() as f64;
+    let mean = apart.iter().sum::<f64>() / count;
+    let squares: f64 = apart.iter().map(|each| (each - mean).powi(2)).sum();
+    let error = (squares / (count - 1.0) / count).sqrt();
+    (own.loss - other.loss, error)
 }
 
 /// Compares the nested models that could be judged; none where none could.
@@ -24,18 +62,13 @@ pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommend
     let (best, of_best) = judged.min_by(|one, other| one.1.loss.total_cmp(&other.1.loss))?;
     let all = nested_models.iter_mut();
     for own in all.filter_map(|each| each.cross_validation.as_mut().ok()) {
-        let losses = own.block_losses.iter().zip(&of_best.block_losses);
-        let apart: Vec<f64> = losses.map(|(own, best)| own - best).collect();
-        let count = apart.len() as f64;
-        let mean = apart.iter().sum::<f64>() / count;
-        let squares: f64 = apart.iter().map(|each| (each - mean).powi(2)).sum();
-        let beyond = own.loss - of_best.loss;
+        let (beyond, error) = difference(own, &of_best);
+        own.standard_error = error;
         own.beyond_best = if beyond > ROUNDING * of_best.loss.abs() {
             beyond
         } else {
             0.0
         };
-        own.standard_error = (squares / (count - 1.0) / count).sqrt();
     }
     let is_enough = |nested_model: &NestedModel| {
         let judged = nested_model.cross_validation.as_ref();
@@ -46,6 +79,7 @@ pub(super) fn recommended(nested_models: &mut [NestedModel]) -> Option<Recommend
     Some(Recommendation {
         best,
         nested_model,
+        with_joint_errors: true,
         sentences,
     })
 }
