@@ -46,7 +46,7 @@
 //!   be made.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.
 //! - [`testbed`]: the simulated truth: the virtual robot in MuJoCo, and its instrument.
-//! - [`identification`]: compliances with their uncertainty, and what cannot be identified.
+//! - [`identification`]: compliances with their uncertainty, and what cannot be identified; the file of what was.
 //! - [`compensation`]: the joint angles to command at a test pose.
 //! - [`plan`]: predicted accuracy of plans with its uncertainty budget, feasibility, and [`plan::search`] for the best one with
 //!   its certificate.

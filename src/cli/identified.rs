@@ -1,11 +1,10 @@
 //! An identified file for a command, with its conditions.
 
-use crate::identification::{StoredIdentification, impossible_compliance};
-use crate::measurement::{Origin, SimulatedRun};
+use crate::identification::{IdentifiedFile, IdentifiedRecord, impossible_compliance};
+use crate::measurement::SimulatedRun;
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
-use crate::task::Fingerprint;
 use crate::text::wording::shell_path;
-use crate::workflow::{calibrated::CalibratedRobot, stored_robot::StoredRobot};
+use crate::workflow::calibrated::CalibratedRobot;
 
 use super::command_prelude::*;
 
@@ -31,47 +30,40 @@ pub struct ScenarioRobot {
     pub conditions: Vec<Condition>,
 }
 
-/// The scenario that an identification belongs to; the robot, where it is of absolute readings; and under which scenario it was made.
+/// What `identify --identified-out` wrote, with the scenario that it belongs to.
 pub fn read_stored(
     common: &Common,
     command: &str,
     path: &Path,
-) -> anyhow::Result<(Scenario, Option<StoredRobot>, Option<Origin>)> {
-    let robot = StoredRobot::read(path)?;
-    let origin = match &robot {
-        Some(robot) => robot.origin.clone(),
-        None => StoredIdentification::origin(path)?,
-    };
-    let scenario = common.load_for([command, "--identified"], path, origin.as_ref())?;
-    Ok((scenario, robot, origin))
+) -> anyhow::Result<(Scenario, IdentifiedFile)> {
+    let file = IdentifiedFile::read(path)?;
+    let scenario = common.load_for([command, "--identified"], path, file.origin().as_ref())?;
+    Ok((scenario, file))
 }
 
 /// Reads what `identify --identified-out` wrote of whatever readings, for a command that takes it.
 pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result<ScenarioRobot> {
-    let (scenario, robot, origin) = read_stored(common, command, path)?;
-    if let Some(stored) = robot {
-        let trust = trust(path, &scenario, Some(&stored.identified_with))?;
-        let mut conditions: Vec<Condition> = trust.into_iter().collect();
-        conditions.extend(doubts(path, &stored.message.conditions));
-        let (stored, held) = stored.with_possible_compliances(&scenario.task.belief.arm());
-        conditions.extend(held);
-        let robot = CalibratedRobot::of_absolute(&scenario.task.belief, path, &stored)?;
+    let (scenario, file) = read_stored(common, command, path)?;
+    let belief = &scenario.task.belief;
+    let IdentifiedRecord::Readings(stored) = &file.record else {
+        let identified = compliances(&file, &scenario)?;
+        let origin = (file.origin()).filter(|origin| origin.scenario_sha256 == scenario.sha256);
         return Ok(ScenarioRobot {
+            simulated: origin.and_then(|origin| origin.simulated),
+            robot: CalibratedRobot::of_deflections(belief, identified.posterior),
             scenario,
-            robot,
-            simulated: None,
-            conditions,
+            conditions: identified.conditions,
         });
-    }
-    let identified = read_identified(path, &scenario)?;
-    let simulated = origin
-        .filter(|origin| origin.scenario_sha256 == scenario.sha256)
-        .and_then(|origin| origin.simulated);
+    };
+    let mut conditions: Vec<Condition> = trust(&file, &scenario)?.into_iter().collect();
+    conditions.extend(doubts(path, &stored.message.conditions));
+    let (stored, held) = stored.with_possible_compliances(&belief.arm());
+    conditions.extend(held);
     Ok(ScenarioRobot {
-        simulated,
-        robot: CalibratedRobot::of_deflections(&scenario.task.belief, identified.posterior),
+        robot: CalibratedRobot::of_absolute(belief, &stored)?,
         scenario,
-        conditions: identified.conditions,
+        simulated: None,
+        conditions,
     })
 }
 
@@ -99,13 +91,13 @@ fn doubts(path: &Path, conditions: &[Condition]) -> impl Iterator<Item = Conditi
     (conditions.iter()).map(move |condition| condition.within(&file))
 }
 
-/// Reads what `identify --identified-out` wrote of deflections, for the same robot.
-pub fn read_identified(
-    path: &Path,
+/// What a file of deflections says of the compliances of a scenario's robot.
+pub fn compliances(
+    file: &IdentifiedFile,
     scenario: &Scenario,
 ) -> Result<IdentifiedCompliances, FileError> {
-    let belief = &scenario.task.belief;
-    let stored = StoredIdentification::read(path, &belief.nominal)?;
+    let (belief, path) = (&scenario.task.belief, &file.path);
+    let stored = file.known(&belief.nominal)?;
     let (mut posterior, expected) = (stored.posterior, belief.parameter_names());
     if posterior.names != expected {
         let problem = format!(
@@ -116,8 +108,7 @@ pub fn read_identified(
         let wrong = FileError::new(path, problem).at("parameters");
         return Err(wrong.code(ErrorCode::OtherRobot));
     }
-    let trust = trust(path, scenario, stored.identified_with.as_ref())?;
-    let mut conditions: Vec<Condition> = trust.into_iter().collect();
+    let mut conditions: Vec<Condition> = trust(file, scenario)?.into_iter().collect();
     conditions.extend(doubts(path, &stored.conditions));
     for (place, name) in expected.iter().enumerate() {
         let joint = &belief.nominal.chain.joints[belief.parameters[place]];
@@ -132,21 +123,18 @@ pub fn read_identified(
         }
     }
     if !belief.uncertain.is_plain() {
-        let found = stored
-            .all
-            .as_ref()
-            .map_or(&[][..], |all| &all.names[expected.len()..]);
-        if found != belief.uncertain.other_names() {
+        let others = belief.uncertain.other_names();
+        if stored.all.names[expected.len()..] != *others {
             let problem = "does not say what is known of the uncertainties that the scenario lists";
             let renew = "identify again under this scenario, or leave them out with --noise-only";
             let wrong = FileError::new(path, problem).at("uncertain").hint(renew);
             return Err(wrong.code(ErrorCode::OtherRobot));
         }
-        if let Some(all) = stored.all {
-            let hidden = all.estimable.hidden().clone();
+        if !others.is_empty() {
+            let hidden = stored.all.estimable.hidden().clone();
             posterior = Posterior {
                 estimable: Estimable::with_hidden(&belief.sizes(), hidden),
-                ..all
+                ..stored.all
             };
         }
     }
@@ -158,33 +146,21 @@ pub fn read_identified(
 }
 
 /// Whether it was identified with the robot of the scenario: another one's is refused.
-pub fn trust(
-    path: &Path,
-    scenario: &Scenario,
-    found: Option<&Fingerprint>,
-) -> Result<Option<Condition>, FileError> {
-    let renew = format!(
-        "renew it with `elastocal identify {} --measurements FILE --identified-out {}`",
-        shell_path(&scenario.path),
-        shell_path(path)
-    );
-    let Some(found) = found else {
+pub fn trust(file: &IdentifiedFile, scenario: &Scenario) -> Result<Option<Condition>, FileError> {
+    let (path, expected) = (&file.path, scenario.task.belief.fingerprint());
+    let Some(found) = &file.basis.identified_with else {
         return Ok(Some(ConditionCode::NoFingerprint.with(format!(
             "{} does not say with which robot and scenario it was identified",
             path.display()
         ))));
     };
-    let expected = scenario.task.belief.fingerprint();
-    if found.robot_sha256 != expected.robot_sha256 {
-        let problem = "was identified with another robot: its joints' names, axes or places are not those \
-                       of the scenario's model";
-        return Err(FileError::new(path, problem)
-            .at("identified_with.robot_sha256")
-            .code(ErrorCode::OtherRobot)
-            .hint(format!(
-                "give the scenario that it was identified under, or {renew}"
-            )));
-    }
+    file.check_robot(&expected.robot_sha256).map_err(|wrong| {
+        wrong.hint(format!(
+            "give the scenario that it was identified under, or renew it with `elastocal identify {} --measurements FILE --identified-out {}`",
+            shell_path(&scenario.path),
+            shell_path(path)
+        ))
+    })?;
     if found.belief_sha256 != expected.belief_sha256 {
         return Ok(Some(ConditionCode::OtherScenario.with(format!(
             "{} was identified under another scenario: masses, gravity, nominal compliances, error sources \

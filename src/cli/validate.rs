@@ -2,21 +2,20 @@
 
 use crate::identification::input_errors::measurements_may_repeat;
 use crate::identification::{
-    Case, DistanceStatistics, Predicted, Predictions, ReadingResidual, is_identified_from,
-    with_discrepancy,
+    Case, DistanceStatistics, IdentifiedRecord, Predicted, Predictions, ReadingResidual,
+    StoredRobot, with_discrepancy,
 };
 use crate::laboratory::validation::{validate, validation_plan};
 use crate::measurement::{MeasuredArm, read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
-use crate::workflow::stored_robot::StoredRobot;
 use crate::workflow::validate_absolute::{
     AbsoluteValidation, prediction_failed, validate_absolute,
 };
 use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
-use super::identified::{IdentifiedCompliances, read_identified, read_stored, refuse_same, trust};
+use super::identified::{IdentifiedCompliances, compliances, read_stored, refuse_same, trust};
 use super::residuals;
 use super::table::{DISTANCES, distances, residual_name};
 use super::tolerance::{ToleranceArgs, report_judged};
@@ -50,26 +49,29 @@ type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>, bool);
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let path = &*self.identified;
-        let (scenario, robot, _) = read_stored(&self.common, "validate", path)?;
+        let (scenario, identified) = read_stored(&self.common, "validate", path)?;
         self.common.check_files(&scenario, None)?;
-        let (mut shown, differences, may_repeat) = match (&robot, &self.measurements) {
-            (Some(robot), Some(file)) => self.of_absolute(&scenario, robot, file)?,
-            (Some(robot), None) => {
-                trust(path, &scenario, Some(&robot.identified_with))?;
+        if matches!(identified.record, IdentifiedRecord::Readings(_)) {
+            // Readings show what masses and compliances that differ cost.
+            trust(&identified, &scenario)?;
+        }
+        let (mut shown, differences, may_repeat) = match (&identified.record, &self.measurements) {
+            (IdentifiedRecord::Readings(robot), Some(file)) => of_absolute(&scenario, robot, file)?,
+            (IdentifiedRecord::Readings(_), None) => {
                 let problem = "was identified from absolute readings, for which no plan is made";
                 let hint = "give other absolute readings with --measurements";
                 let wrong = FileError::new(path, problem).hint(hint);
                 return Err(wrong.code(ErrorCode::OtherAccuracy).into());
             }
-            (None, Some(file)) => {
-                of_deflections(&scenario, read_identified(path, &scenario)?, file)?
+            (_, Some(file)) => {
+                of_deflections(&scenario, compliances(&identified, &scenario)?, file)?
             }
-            (None, None) => self.plan(&scenario, read_identified(path, &scenario)?)?,
+            (_, None) => self.plan(&scenario, compliances(&identified, &scenario)?)?,
         };
         if let Some(file) = &self.measurements {
             let as_what = format!("{} was identified from", path.display());
             let hint = "give measurements that were not fitted";
-            let is_same = is_identified_from(path, file)?;
+            let is_same = identified.is_from(file)?;
             refuse_same(file, is_same && !may_repeat, &as_what, hint)?;
             if is_same {
                 let problem = "The same readings were fitted, to the last digit; of so coarse a step others may be the same by chance.";
@@ -105,41 +107,34 @@ impl Validate {
         }
         Ok((report, Vec::new(), false))
     }
+}
 
-    /// Holds other readings beside a robot that was identified.
-    fn of_absolute(
-        &self,
-        scenario: &Scenario,
-        robot: &StoredRobot,
-        file: &Path,
-    ) -> anyhow::Result<Validated> {
-        let (identified, belief) = (&*self.identified, &scenario.task.belief);
-        // Readings show what masses and compliances that differ cost.
-        trust(identified, scenario, Some(&robot.identified_with))?;
-        let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
-        let why = ", and what was identified rests on absolute readings";
-        // A station with a new word gets its frame from these readings.
-        let of = MeasuredArm {
-            stations: Vec::new(),
-            ..(&scenario.task).into()
-        };
-        let readings = read_measured(file, of)?.absolute(file, why)?;
-        let validation = validate_absolute(belief, identified, &robot, file, &readings)?;
-        conditions.extend(validation.conditions());
-        let left = validation.left.iter().map(|each| each.position_m);
-        let differences = left.zip(validation.readings_m2.iter().copied()).collect();
-        let model = robot.message.discrepancy_model.as_ref();
-        let with_joints = if model.is_some_and(|model| !model.joints.is_empty()) {
-            validation.prognoses.iter().map(|each| each.left).collect()
-        } else {
-            validation.left.clone()
-        };
-        let keys = readings_record(&validation, &with_joints);
-        let name = residual_name(&belief.instrument);
-        let text = describe_readings(&validation, &with_joints, &name);
-        let report = Report::new(keys, text, conditions);
-        Ok((report, differences, validation.may_repeat))
-    }
+/// Holds other readings beside a robot that was identified.
+fn of_absolute(scenario: &Scenario, robot: &StoredRobot, file: &Path) -> anyhow::Result<Validated> {
+    let belief = &scenario.task.belief;
+    let (robot, mut conditions) = robot.with_possible_compliances(&belief.arm());
+    let why = ", and what was identified rests on absolute readings";
+    // A station with a new word gets its frame from these readings.
+    let of = MeasuredArm {
+        stations: Vec::new(),
+        ..(&scenario.task).into()
+    };
+    let readings = read_measured(file, of)?.absolute(file, why)?;
+    let validation = validate_absolute(belief, &robot, file, &readings)?;
+    conditions.extend(validation.conditions());
+    let left = validation.left.iter().map(|each| each.position_m);
+    let differences = left.zip(validation.readings_m2.iter().copied()).collect();
+    let model = robot.message.discrepancy_model.as_ref();
+    let with_joints = if model.is_some_and(|model| !model.joints.is_empty()) {
+        validation.prognoses.iter().map(|each| each.left).collect()
+    } else {
+        validation.left.clone()
+    };
+    let keys = readings_record(&validation, &with_joints);
+    let name = residual_name(&belief.instrument);
+    let text = describe_readings(&validation, &with_joints, &name);
+    let report = Report::new(keys, text, conditions);
+    Ok((report, differences, validation.may_repeat))
 }
 
 /// Holds other deflections beside compliances that were identified.

@@ -4,17 +4,16 @@
 //! be identified instead of inverting a singular matrix, keeps its nominal value, and identifies the rest.
 
 mod absolute;
-mod agreement;
 mod case;
 mod conditions;
 mod copies;
-mod covariance;
 mod discrepancy;
 mod equations;
 mod error;
 mod estimate;
 mod fit;
 mod frames;
+mod identified;
 pub mod input_errors;
 mod nominal;
 mod outliers;
@@ -24,8 +23,6 @@ mod repeats;
 mod residuals;
 mod robust;
 mod spread;
-mod stored;
-mod stored_readings;
 mod tails;
 mod whitening;
 
@@ -40,20 +37,21 @@ pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;
 pub(crate) use conditions::{Told, left_out};
 pub use copies::CopiedReadings;
-pub use covariance::covariance_of;
 pub use discrepancy::{ReadingResidual, with_discrepancy};
 pub use error::{FitResult, IdentificationError};
 pub(crate) use estimate::PreparedCase;
 pub use estimate::{Estimate, Identification, ParameterEstimate, UncertainEstimate};
 pub use fit::{ParameterFit, fit_parameters};
 pub use frames::{MountedFrames, RobustFrames, Sight};
+pub use identified::{
+    AbsoluteMessage, IdentificationBasis, IdentificationMessage, IdentifiedFile, IdentifiedRecord,
+    JointErrorMessage, MountedFrameMessage, ReadRange, ReadRanges, StoredIdentification,
+    StoredRobot, UnexplainedMessage, UnknownMessage, UnknownValue,
+};
 pub use nominal::UNKNOWN as UNKNOWN_COMPLIANCE;
 pub use outliers::{IMPLAUSIBLE, RejectedReading};
 pub use prediction::{Predicted, Predictions};
 pub use repeats::{PlaceDrift, RepeatedPose, Repeats};
 pub use residuals::{MeasurementResidual, residuals};
 pub use robust::{RobustIdentification, Robustness};
-pub use spread::{MOST_SPREAD, SPREAD_ORDERS};
-pub use stored::{StoredIdentification, hold_impossible, is_identified_from};
-pub(crate) use stored::{StoredOrigin, read_identified};
-pub use stored_readings::{UnknownMessage, covariance_of_unknowns};
+use spread::{MOST_SPREAD, SPREAD_ORDERS};

@@ -3,10 +3,10 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::absolute::AbsoluteMessage;
 use super::length::LengthField;
 use super::messages::{TestPoseMessage, TruthMessage};
 use crate::codes::Condition;
+use crate::identification::AbsoluteMessage;
 use crate::measurement::AbsoluteReading;
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};

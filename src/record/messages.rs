@@ -5,22 +5,19 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::calibration::{Calibration, CompensatedPose};
-use crate::codes::Condition;
 use crate::files::schema::RESULTS_VERSION;
-use crate::identification::{
-    Identification, MeasurementResidual, UncertainEstimate, hold_impossible,
-};
+use crate::identification::{IdentificationMessage, MeasurementResidual};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::robot::{Approach, Commands};
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Belief, Method};
+use crate::task::{AccuracyKind, Belief};
 use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
@@ -185,133 +182,6 @@ impl MeasurementMessage {
             direction: measurement.direction.map(Into::into),
         }
     }
-}
-
-/// What was identified, and how well; the arrays go by `parameters`.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct IdentificationMessage {
-    /// `linear` or `nonlinear`.
-    #[schemars(with = "String")]
-    pub method: Method,
-    /// The names of the identified joints.
-    pub parameters: Vec<String>,
-    /// The compliances (rad/(N m)); null where the measurements do not determine one.
-    pub compliance_rad_per_nm: Vec<Option<f64>>,
-    /// Their standard errors (rad/(N m)).
-    pub compliance_std_rad_per_nm: Vec<Option<f64>>,
-    /// Their 95 % intervals (rad/(N m)).
-    pub compliance_ci95_rad_per_nm: Vec<Option<[f64; 2]>>,
-    /// The values that compensation applies (rad/(N m)): the estimates; where only combinations are
-    /// determined, values that give these and are nominal in all other directions; else nominal values. Nominal ones, too, in place of
-    /// what no joint has.
-    pub compliance_applied_rad_per_nm: Vec<f64>,
-    /// What is not determined: orthonormal combinations of the compliances, each divided by its typical
-    /// size.
-    pub undetermined_directions: Vec<Vec<f64>>,
-    /// The typical sizes of the compliances (rad/(N m)).
-    pub compliance_typical_rad_per_nm: Vec<f64>,
-    /// Their covariance (rad^2/(N m)^2), of what is determined; zero for those of which nothing is.
-    pub covariance_rad2_per_n2m2: Vec<Vec<f64>>,
-    /// What else the scenario lists as uncertain and the whole plan shares, and what the measurements say of it.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub uncertain: Vec<UncertainEstimate>,
-    /// What is not determined of the compliances and of these together: orthonormal combinations, each divided by its
-    /// typical size.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub undetermined_of_all: Vec<Vec<f64>>,
-    /// The covariance of the compliances and of these together, in their units.
-    #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub covariance_of_all: Vec<Vec<f64>>,
-    /// The standard deviation of a deflection's coordinate that the uncertainties rest on (mm).
-    pub sigma_mm: f64,
-    /// The one that the residuals show, if there are more equations than unknowns (mm).
-    pub residual_sigma_mm: Option<f64>,
-    /// The probability of residuals at least this large if model and sigma are right.
-    pub consistency: Option<f64>,
-    /// The probability of residuals at least this small if model and sigma are right.
-    pub consistency_lower: Option<f64>,
-    /// What must be looked at.
-    pub conditions: Vec<Condition>,
-    /// The number of independent combinations of compliances that the measurements determine.
-    pub rank: usize,
-    /// The condition number of the observation matrix with columns scaled to length one; null
-    /// where it is infinite.
-    pub condition: Option<f64>,
-    /// The number of Gauss-Newton steps; 1 for the linear method.
-    pub iterations: usize,
-    /// Measured minus modelled deflection of each measurement (mm).
-    pub residuals_mm: Vec<[f64; 3]>,
-}
-
-impl IdentificationMessage {
-    /// The record of an identification of a robot with these nominal compliances of all joints (rad/(N m)).
-    pub fn new(identification: &Identification, nominal_rad_per_nm: &[f64]) -> Self {
-        let joints = &identification.parameters;
-        let mut applied = identification.posterior.mean.clone();
-        hold_impossible(
-            &mut applied,
-            &identification.posterior.covariance,
-            |place| {
-                let found = joints.get(place).filter(|each| each.estimate.is_some())?;
-                Some((
-                    nominal_rad_per_nm[found.joint],
-                    found.name.as_str(),
-                    found.unit,
-                ))
-            },
-        );
-        applied.truncate(joints.len());
-        // What else is uncertain stands apart.
-        let all = (!identification.uncertain.is_empty()).then_some(&identification.posterior);
-        let posterior = all.map_or_else(
-            || identification.posterior.clone(),
-            |all| all.of_first(identification.parameters.len()),
-        );
-        let estimates = || identification.parameters.iter().map(|each| each.estimate);
-        Self {
-            method: identification.method,
-            parameters: (identification.parameters.iter())
-                .map(|parameter| parameter.name.clone())
-                .collect(),
-            compliance_rad_per_nm: estimates().map(|estimate| Some(estimate?.value)).collect(),
-            compliance_std_rad_per_nm: estimates()
-                .map(|estimate| Some(estimate?.standard_error))
-                .collect(),
-            compliance_ci95_rad_per_nm: estimates()
-                .map(|estimate| Some(estimate?.interval95))
-                .collect(),
-            compliance_applied_rad_per_nm: applied,
-            undetermined_directions: directions_of(posterior.estimable.hidden()),
-            compliance_typical_rad_per_nm: posterior.estimable.typical().to_vec(),
-            covariance_rad2_per_n2m2: rows_of(&posterior.covariance),
-            uncertain: identification.uncertain.clone(),
-            undetermined_of_all: all
-                .map_or_else(Vec::new, |all| directions_of(all.estimable.hidden())),
-            covariance_of_all: all.map_or_else(Vec::new, |all| rows_of(&all.covariance)),
-            sigma_mm: units::thousandths(identification.sigma_m),
-            residual_sigma_mm: identification.residual_sigma_m.map(|sigma| sigma * 1e3),
-            consistency: identification.consistency,
-            consistency_lower: identification.consistency_lower,
-            conditions: identification.conditions(),
-            rank: identification.rank,
-            condition: Some(identification.condition).filter(|value| value.is_finite()),
-            iterations: identification.iterations,
-            residuals_mm: residuals_mm(&identification.residuals_m),
-        }
-    }
-}
-
-fn directions_of(columns: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let columns = columns.column_iter();
-    columns
-        .map(|column| column.iter().copied().collect())
-        .collect()
-}
-
-/// A matrix, row by row.
-pub(crate) fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let rows = matrix.row_iter();
-    rows.map(|row| row.iter().copied().collect()).collect()
 }
 
 /// The predicted accuracy of a plan; arrays go by `parameters`, lengths are in mm. Null is what the plan does not determine, and bounds
@@ -483,14 +353,4 @@ impl CalibrationMessage {
 /// From metres to millimetres, or from radians to milliradians.
 pub(crate) fn thousandfold(vector: &Vector3<f64>) -> [f64; 3] {
     vector.map(units::thousandths).into()
-}
-
-/// Residuals of deflections (mm), three to a measurement.
-pub(crate) fn residuals_mm(residuals_m: &[f64]) -> Vec<[f64; 3]> {
-    residuals_m
-        .as_chunks()
-        .0
-        .iter()
-        .map(|residual: &[f64; 3]| residual.map(|value| value * 1e3))
-        .collect()
 }

@@ -11,7 +11,6 @@
 //! - [`absolute_plan`]: a plan of absolute readings; [`robot_trials`]: virtual robots on which one was tried.
 //! - [`evidence`]: what a plan is shown beside; [`length`]: a length that is read; [`joint_error_table`]: what joints are off by.
 
-pub mod absolute;
 pub mod absolute_plan;
 pub mod campaign;
 pub mod evidence;

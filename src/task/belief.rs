@@ -426,9 +426,9 @@ impl Belief {
     }
 
     /// The names of the error sources that all measurements share.
-    pub fn source_names(&self) -> Vec<&str> {
+    pub fn source_names(&self) -> Vec<String> {
         let sources = (self.uncertain.shared().iter()).chain(self.uncertain.kept());
-        sources.map(|(name, _)| name.as_str()).collect()
+        sources.map(|(name, _)| name.clone()).collect()
     }
 
     /// The names of the identified joints.

@@ -1,19 +1,16 @@
 //! An identified robot, from deflections or absolute readings: what is exported, and what is compensated with.
 
-use std::path::Path;
-
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use super::known_parameters::{IdentifiedStation, NO_FRAME, identified_stations, known};
-use super::stored_robot::{ReadRanges, StoredRobot, wrong};
+use super::known_parameters::{IdentifiedStation, identified_stations, known};
 use super::target_accuracy::{KnownPlaces, TargetAccuracy};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{DiscrepancyModel, IdentificationError};
+use crate::identification::{DiscrepancyModel, IdentificationError, ReadRanges, StoredRobot};
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
@@ -128,13 +125,8 @@ impl CalibratedRobot {
     ///
     /// # Errors
     /// The file names what the robot does not have, or what is no number or no frame.
-    pub fn of_absolute(
-        belief: &Belief,
-        path: &Path,
-        stored: &StoredRobot,
-    ) -> Result<Self, FileError> {
+    pub fn of_absolute(belief: &Belief, stored: &StoredRobot) -> Result<Self, FileError> {
         let message = &stored.message;
-        let wrong = |key, problem| wrong(path, key, problem);
         let mut nominal = belief.arm();
         let machining_tool = machining_tool(&nominal);
         let mut places = Vec::new();
@@ -144,21 +136,20 @@ impl CalibratedRobot {
             let known = nominal.tools.iter().position(|tool| tool.name == *name);
             places.push(known.unwrap_or(nominal.tools.len()));
             if known.is_none() {
-                let tool = SerialChain::tool(&belief.nominal.model, name)
-                    .map_err(|error| wrong(format!("targets[{index}].name"), error.to_string()))?;
+                let tool = SerialChain::tool(&belief.nominal.model, name).map_err(|error| {
+                    stored.wrong(format!("targets[{index}].name"), error.to_string())
+                })?;
                 nominal.tools.push(tool);
             }
         }
         let mut reference = nominal.clone();
         let mut found_tools = vec![false; nominal.tools.len()];
-        for (index, (target, &place)) in message.targets.iter().zip(&places).enumerate() {
+        for (target, &place) in message.targets.iter().zip(&places) {
             let link_from_tool = &mut reference.tools[place].link_from_tool;
-            let frame = (target.frame(link_from_tool))
-                .ok_or_else(|| wrong(format!("targets[{index}]"), NO_FRAME.to_owned()))?;
-            *link_from_tool = stored.shifted(frame, &target.unknowns);
+            *link_from_tool = stored.shifted(target.frame(link_from_tool), &target.unknowns);
             found_tools[place] = true;
         }
-        let stations = identified_stations(path, stored)?;
+        let stations = identified_stations(stored);
         let tools: Vec<Option<usize>> = places.iter().copied().map(Some).collect();
         let kinds = stored.kinds(&reference, &[], &tools);
         let apart = (message.unknowns.iter().zip(&kinds))
@@ -180,15 +171,14 @@ impl CalibratedRobot {
             .filter(|&(joint, _)| nominal.compliance_rad_per_nm[joint] > 0.0 && !is_asked(joint))
             .map(|(_, each)| each.name.clone())
             .collect();
-        let (set, posterior) = known(path, stored, (&reference, belief), &kinds)?;
-        let known_places =
-            KnownPlaces::new((path, stored), (&reference, belief), (&stations, &tools))?;
-        let arm = stored.apply(path, &reference)?;
+        let (set, posterior) = known(stored, (&reference, belief), &kinds)?;
+        let known_places = KnownPlaces::new(stored, (&reference, belief), (&stations, &tools))?;
+        let arm = stored.apply(&reference)?;
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
             Some(other) => {
-                let model = stored.discrepancy_model(path, &arm)?;
-                let robot = Self::of_absolute(belief, path, &other)?;
+                let model = stored.discrepancy_model(&arm)?;
+                let robot = Self::of_absolute(belief, &other)?;
                 (!model.joints.is_empty()).then(|| Box::new(RobotWithJointErrors { robot, model }))
             }
         };

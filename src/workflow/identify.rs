@@ -10,14 +10,14 @@ use crate::identification::input_errors::{
 };
 use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, Case, Identification, IdentificationError, Inconsistencies,
-    MeasurementResidual, ModelSelection, ParameterGroup, ReadingWeights, RejectedReading,
-    RepeatComponents, Repeats, Robustness, Told, left_out, residuals,
+    AbsoluteCase, AbsoluteFit, AbsoluteMessage, Case, Identification, IdentificationBasis,
+    IdentificationError, IdentificationMessage, Inconsistencies, MeasurementResidual,
+    ModelSelection, ParameterGroup, ReadingWeights, RejectedReading, RepeatComponents, Repeats,
+    Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Measurement};
 use crate::numeric::tolerance::ends;
-use crate::record::absolute::AbsoluteMessage;
-use crate::record::messages::{IdentificationMessage, ProvenanceMessage, results};
+use crate::record::messages::{ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::{Belief, Gauge};
@@ -153,21 +153,20 @@ impl Identified {
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        let keys = [serde_json::to_value(&message)?, rests_on(scenario), more];
+        let keys = [json!(message), json!(basis(scenario)), more];
         Ok(results("identify", provenance, keys))
     }
 }
 
-/// The keys of what was identified that say what it rests on.
-pub fn rests_on(scenario: &Scenario) -> Value {
-    let earlier = scenario.task.belief.prior_campaign.as_ref();
-    json!({
-        "identified_with": scenario.task.belief.fingerprint(),
-        "earlier_left_out": earlier.map(|each| &each.left_out),
-        // Null where it is no text, which JSON could not hold.
-        "scenario_file": scenario.path.to_str(),
-        "error_sources": scenario.task.belief.source_names(),
-    })
+/// What rests on a scenario.
+pub fn basis(scenario: &Scenario) -> IdentificationBasis {
+    let belief = &scenario.task.belief;
+    IdentificationBasis {
+        identified_with: Some(belief.fingerprint()),
+        earlier_left_out: (belief.prior_campaign.as_ref()).map(|each| each.left_out.clone()),
+        scenario_file: scenario.path.to_str().map(str::to_owned),
+        error_sources: Some(belief.source_names()),
+    }
 }
 
 /// A target is another one where it is further than this from its place (m)
@@ -420,7 +419,7 @@ impl<'a> IdentifiedRobot<'a> {
             "conditions": self.conditions(),
             "notes": self.notes(),
         });
-        let keys = [serde_json::to_value(message)?, rests_on(scenario), more];
+        let keys = [serde_json::to_value(message)?, json!(basis(scenario)), more];
         Ok(results("identify", provenance, keys))
     }
 }

@@ -1,18 +1,13 @@
 //! What the file of an identified robot says of its parameters, and where the instrument stood.
 
-use std::path::Path;
-
 use nalgebra::{DMatrix, Isometry3};
 
-use super::stored_robot::{StoredRobot, wrong};
 use crate::files::FileError;
+use crate::identification::StoredRobot;
 use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, SourceLevel};
 use crate::task::Belief;
-
-pub(super) const NO_FRAME: &str =
-    "is no place: finite numbers and a quaternion of length 1 are needed";
 
 /// Where an instrument stood.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,26 +19,19 @@ pub struct IdentifiedStation {
 }
 
 /// Where the instrument stood, from a file of absolute readings.
-pub(super) fn identified_stations(
-    path: &Path,
-    stored: &StoredRobot,
-) -> Result<Vec<IdentifiedStation>, FileError> {
-    let stations = stored.message.stations.iter().enumerate();
+pub(super) fn identified_stations(stored: &StoredRobot) -> Vec<IdentifiedStation> {
+    let stations = stored.message.stations.iter();
     stations
-        .map(|(index, station)| {
-            let frame = (station.frame(&Isometry3::identity()))
-                .ok_or_else(|| wrong(path, format!("stations[{index}]"), NO_FRAME.to_owned()))?;
-            Ok(IdentifiedStation {
-                name: station.name.clone(),
-                instrument_from_base: stored.shifted(frame, &station.unknowns),
-            })
+        .map(|station| IdentifiedStation {
+            name: station.name.clone(),
+            instrument_from_base: stored
+                .shifted(station.frame(&Isometry3::identity()), &station.unknowns),
         })
         .collect()
 }
 
 /// What is known of the robot's own parameters, wherever the stations are, and of the task's force, of which no reading says anything.
 pub(super) fn known(
-    path: &Path,
     stored: &StoredRobot,
     (arm, belief): (&ElasticArm, &Belief),
     kinds: &[Option<ParameterKind>],
@@ -60,12 +48,12 @@ pub(super) fn known(
     let all = own.iter().map(|&(_, kind)| kind);
     let all = all.chain(of_task.iter().map(|&(kind, _)| kind));
     let set = ParameterSet::new(arm, all.map(|kind| (kind, None)))
-        .map_err(|error| wrong(path, "unknowns".to_owned(), error.to_string()))?;
+        .map_err(|error| stored.wrong("unknowns", error.to_string()))?;
     let hidden: Vec<usize> = (0..own.len())
         .filter(|&place| unknowns[own[place].0].standard_error.is_none())
         .collect();
-    let factor =
-        |&(index, kind): &(usize, ParameterKind)| unknowns[index].parameter(Some(kind), arm).1;
+    let values = stored.values(arm)?;
+    let factor = |&(index, _): &(usize, ParameterKind)| values[index].factor;
     let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
         match (own.get(row), own.get(column)) {
             (Some(one), Some(other)) => {

@@ -11,7 +11,6 @@
 //! - [`target_accuracy`]: how far its tools are from absolute targets.
 //! - [`ranges`]: what was read beyond what an instrument shows.
 //! - [`export`]: the calibrated robot as a model's file.
-//! - [`stored_robot`]: a robot from the file of its absolute readings.
 //! - [`validate_absolute`]: other readings beside it.
 
 pub mod calibrated;
@@ -23,7 +22,6 @@ pub mod init;
 pub mod known_parameters;
 pub mod ranges;
 pub mod run;
-pub mod stored_robot;
 pub mod study;
 pub mod target_accuracy;
 pub mod validate_absolute;

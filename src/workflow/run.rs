@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::design::{Designed, Wanted};
 use super::evidence::gather;
-use super::identify::{FitChoices, IdentifiedRobot, identify_absolute, rests_on};
+use super::identify::{FitChoices, IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
 };
@@ -18,7 +18,7 @@ use crate::compensation::compensate_arm;
 use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, IdentificationError, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, AbsoluteMessage, IdentificationError, ParameterGroup, ReadingWeights,
 };
 use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;
@@ -31,7 +31,6 @@ use crate::plan::search::{
     ApproximateDesign, Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan,
     repeats_needed,
 };
-use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::{
     AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
 };
@@ -265,7 +264,7 @@ impl RunOutcome {
             serde_json::to_value(&main.test_poses[0])?,
             assessment_json(scenario, assessment),
             serde_json::to_value(&main.identification)?,
-            rests_on(scenario),
+            json!(basis(scenario)),
             keys,
             serde_json::to_value(&self.evidence)?,
         ];

@@ -1,13 +1,10 @@
 //! The predicted accuracy of commands for absolute targets.
 
-use std::path::Path;
-
 use nalgebra::{DVector, Isometry3, Matrix3xX};
 
 use super::known_parameters::{IdentifiedStation, known};
-use super::stored_robot::StoredRobot;
 use crate::files::FileError;
-use crate::identification::{DiscrepancyModel, IdentificationError};
+use crate::identification::{DiscrepancyModel, IdentificationError, StoredRobot};
 use crate::numeric::posterior::Posterior;
 use crate::observation::{BareArm, PlannedReadings, ReadingErrors, Setup};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
@@ -44,7 +41,7 @@ pub struct TargetAccuracy {
 impl KnownPlaces {
     /// From a file of absolute readings.
     pub fn new(
-        (path, stored): (&Path, &StoredRobot),
+        stored: &StoredRobot,
         (reference, belief): (&ElasticArm, &Belief),
         (stations, tools): (&[IdentifiedStation], &[Option<usize>]),
     ) -> Result<Self, FileError> {
@@ -53,8 +50,8 @@ impl KnownPlaces {
         reference.instrument_from_base = frames.chain([Isometry3::identity()]).collect();
         let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
         let kinds = stored.kinds(&reference, &of_stations, tools);
-        let arm = stored.apply(path, &reference)?;
-        let (set, posterior) = known(path, stored, (&arm, belief), &kinds)?;
+        let arm = stored.apply(&reference)?;
+        let (set, posterior) = known(stored, (&arm, belief), &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
         let places: Vec<usize> = (0..kinds.len()).filter(is_own).collect();
         let sources = belief.uncertain.sources().map(|(_, source)| source);
@@ -64,7 +61,7 @@ impl KnownPlaces {
                 && !matches!(source, ReadingSource::Range(_))
         };
         Ok(Self {
-            discrepancy: stored.discrepancy_model(path, &arm)?,
+            discrepancy: stored.discrepancy_model(&arm)?,
             sources: sources.filter(is_new).cloned().collect(),
             of_task: set.subset(&(places.len()..set.len()).collect::<Vec<_>>()),
             set: set.subset(&(0..places.len()).collect::<Vec<_>>()),

@@ -4,17 +4,15 @@ use std::path::Path;
 
 use nalgebra::{Isometry3, Matrix3};
 
-use super::stored_robot::StoredRobot;
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, DistanceStatistics, IdentificationError, MovedStation, ReadingPrognosis,
-    ReadingResidual, fit_parameters,
+    AbsoluteCase, DistanceStatistics, IdentificationError, MountedFrameMessage, MovedStation,
+    ReadingPrognosis, ReadingResidual, StoredRobot, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
 use crate::parameter::{ParameterKind, ParameterSet};
-use crate::record::absolute::MountedFrameMessage;
 use crate::task::Belief;
 use crate::text::wording::p_value;
 
@@ -145,7 +143,7 @@ fn known_frames(case: &mut AbsoluteCase<'_>, stored: &StoredRobot, is_turned: bo
     // The place of a frame in the file, and the frame itself.
     let found = |stored: &[MountedFrameMessage], name: Option<&str>, otherwise: &Isometry3<f64>| {
         let place = (stored.iter()).position(|frame| frame.name.as_deref() == name)?;
-        Some((place, stored[place].frame(otherwise)?))
+        Some((place, stored[place].frame(otherwise)))
     };
     for (station, name) in case.stations.iter().enumerate() {
         let frame = &mut frames.instrument_from_base[station];
@@ -185,7 +183,6 @@ fn in_file<E: Into<IdentificationError>>(file: &Path) -> impl Fn(E) -> FileError
 /// The file does not fit the robot, or a new frame is not determined.
 pub fn validate_absolute(
     belief: &Belief,
-    path: &Path,
     stored: &StoredRobot,
     file: &Path,
     readings: &[AbsoluteReading],
@@ -201,7 +198,7 @@ pub fn validate_absolute(
     let readings_m2 = readings_m2.collect();
     let may_repeat = case.may_repeat();
     let mut nominal = case.arm.clone();
-    case.arm = stored.apply(path, &case.arm)?;
+    case.arm = stored.apply(&case.arm)?;
     let is_turned = readings.iter().any(|each| each.rotation.is_some());
     let known = known_frames(&mut case, stored, is_turned);
     // Sources disturb the nominal robot's readings, in the frames where they are seen.
@@ -234,7 +231,7 @@ pub fn validate_absolute(
         .unzip();
     let set = kinds.iter().map(|kind| (*kind, None));
     let set = ParameterSet::new(&arm, set).map_err(in_file(file))?;
-    let discrepancy = stored.discrepancy_model(path, &arm)?;
+    let discrepancy = stored.discrepancy_model(&arm)?;
     let places = &places;
     let prognoses =
         (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::{Candidate, read_candidates};
-use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
+use elastocal::identification::{
+    AbsoluteCase, IdentifiedFile, IdentifiedRecord, ParameterGroup, ReadingWeights,
+};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::observation::{LengthKind, ReadLength};
@@ -16,7 +18,6 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{Chosen, SelectionWanted, select};
 use elastocal::workflow::identify::{FitChoices, identify_absolute, model_selection};
-use elastocal::workflow::stored_robot::StoredRobot;
 use elastocal::workflow::validate_absolute::{AbsoluteValidation, validate_absolute};
 use nalgebra::Vector3;
 use rayon::prelude::*;
@@ -252,8 +253,11 @@ fn validated(
     let place = Workplace::new();
     place.write("robot.json", json.expect("a record").to_string());
     let path = place.path("robot.json");
-    let robot = StoredRobot::read(&path).expect("read").expect("a robot");
-    validate_absolute(belief, &path, &robot, &path, &half(moved_m, 1)).expect("a prediction")
+    let file = IdentifiedFile::read(&path).expect("read");
+    let IdentifiedRecord::Readings(robot) = &file.record else {
+        panic!("no robot");
+    };
+    validate_absolute(belief, robot, &path, &half(moved_m, 1)).expect("a prediction")
 }
 
 /// Distances that were not fitted lie in their regions of 95 % as often, and their probabilities are uniform; a cup that was moved is seen

@@ -1,9 +1,8 @@
 //! What the measurements do not tell is named, and never guessed or NaN.
 
-use elastocal::identification::{Case, IdentificationError, Sigma};
+use elastocal::identification::{Case, IdentificationError, IdentificationMessage, Sigma};
 use elastocal::measurement::Measurement;
 use elastocal::plan::{Experiment, Plan};
-use elastocal::record::messages::IdentificationMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;

@@ -212,6 +212,58 @@ fn wrong_entries_of_what_is_unexplained_are_told() {
         .ends_with(0);
 }
 
+/// Whoever reads a file says the same of what is wrong with it: as the robot that is validated, and as what was known before.
+#[test]
+fn every_reader_tells_the_same() {
+    let [before, _] = not_round(&Isometry3::identity());
+    let place = identified(&before);
+    let text = place.read("s.toml");
+    place.write(
+        "p.toml",
+        text.replacen("[robot]", "[robot]\nprior = \"w.json\"", 1),
+    );
+    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    for (key, entry, expected) in [
+        (
+            "/unknowns/0/value",
+            json!("far"),
+            "unknowns[0].value: invalid type: string \"far\"",
+        ),
+        (
+            "/unknowns/0/value",
+            json!(0.5),
+            "unknowns[0].interval95: found",
+        ),
+        (
+            "/stations/0/quaternion",
+            json!([2, 0, 0, 0]),
+            "stations[0]: is no place",
+        ),
+        (
+            "/discrepancy_mm",
+            json!(-1),
+            "discrepancy_mm: found -1; zero or a size",
+        ),
+        (
+            "/discrepancy_model/shift",
+            json!([]),
+            "discrepancy_model.shift: found 0 numbers",
+        ),
+    ] {
+        let mut wrong = right.clone();
+        *wrong.pointer_mut(key).expect("a key") = entry;
+        place.write("w.json", wrong.to_string());
+        let says = format!("w.json: {expected}");
+        for command in [
+            "validate --quiet --identified w.json --measurements m.csv",
+            "compensate s.toml --quiet --identified w.json",
+            "check p.toml --quiet",
+        ] {
+            place.run(command).ends_with(1).says(&says);
+        }
+    }
+}
+
 /// The same of how errors are spread over a joint's angles; an older file says nothing of that.
 #[test]
 fn wrong_entries_of_spreads_are_told() {

@@ -2,11 +2,11 @@
 
 use crate::files::output::write_whole;
 use crate::identification::{
-    IdentificationError, Inconsistencies, JointError, ModelSelection, ReadingWeights,
+    AbsoluteMessage, IdentificationError, Inconsistencies, JointError, ModelSelection,
+    MountedFrameMessage, ReadingWeights, UnexplainedMessage,
 };
 use crate::measurement::{AbsoluteReading, read_measured};
 use crate::quantities::units::shown_unit;
-use crate::record::absolute::{AbsoluteMessage, MountedFrameMessage, UnexplainedMessage};
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::{Drive, Load, SerialChain};

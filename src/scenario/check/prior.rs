@@ -4,9 +4,9 @@ use nalgebra::{DMatrix, DVector};
 
 use super::super::file::File;
 use super::Checker;
-use crate::codes::{Condition, ConditionCode, ErrorCode};
+use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
-use crate::identification::StoredIdentification;
+use crate::identification::{IdentificationBasis, IdentifiedFile, StoredIdentification};
 use crate::parameter::{ElasticArm, ParameterKind, Prior, Source, Uncertainty};
 use crate::robot::Robot;
 use crate::task::{Belief, PriorCampaign, robot_sha256};
@@ -42,20 +42,18 @@ impl Checker<'_> {
         };
         let path = self.resolve(file);
         let wrong = |error: FileError| self.named_file(key, error);
-        let stored = StoredIdentification::before(&path, nominal).map_err(wrong)?;
+        let identified = IdentifiedFile::read(&path).map_err(wrong)?;
+        let stored = identified.known(nominal).map_err(wrong)?;
         self.inputs.borrow_mut().add(&path)?;
         let file = format!("the identification in {}", path.display());
         let mut doubts: Vec<Condition> = (stored.conditions.iter())
             .map(|condition| condition.within(&file))
             .collect();
-        let with = stored.identified_with.as_ref();
-        if with.is_some_and(|with| with.robot_sha256 != robot_sha256(&nominal.chain)) {
-            let problem = "was identified with another robot: its joints' names, axes or places are not \
-                           those of the scenario's model";
-            let other = FileError::new(&path, problem).at("identified_with.robot_sha256");
-            return Err(wrong(other.code(ErrorCode::OtherRobot)));
-        }
-        if with.is_none() || stored.error_sources.is_none() {
+        identified
+            .check_robot(&robot_sha256(&nominal.chain))
+            .map_err(wrong)?;
+        let basis = identified.basis;
+        if basis.identified_with.is_none() || basis.error_sources.is_none() {
             doubts.push(ConditionCode::NoFingerprint.with(format!(
                 "{} does not say with which robot and error sources it was identified: sources that are in its estimates count again",
                 path.display()
@@ -97,7 +95,7 @@ impl Checker<'_> {
             }
         }
         let spread = prior.spread(&nominal.typical_rad_per_nm(parameters));
-        let campaign = campaign_of(stored, &places, means.len(), nominal);
+        let campaign = campaign_of(stored, basis, &places, means.len(), nominal);
         if spread.ncols() == 0 && campaign.names.is_empty() {
             return Err(self.wrong(key, format!("{} determined nothing", path.display())));
         }
@@ -182,6 +180,7 @@ pub(super) fn sampled_about_earlier(
 /// What an identification found besides compliances, springs in the logarithm; its own compliances are those at `places` among `count`.
 fn campaign_of(
     stored: StoredIdentification,
+    basis: IdentificationBasis,
     places: &[usize],
     count: usize,
     nominal: &Robot,
@@ -192,11 +191,9 @@ fn campaign_of(
     let kinds = ParameterKind::all_of(&arm);
     let (mut names, mut values, mut listed) = (Vec::new(), Vec::new(), Vec::new());
     let (mut from, mut factors) = ((0..own).collect::<Vec<_>>(), vec![1.0; own]);
-    let found = stored.all.as_ref();
-    for (index, &deviation) in stored.listed.iter().enumerate() {
-        let Some(found) = found.filter(|_| stored.determined[index]) else {
-            continue;
-        };
+    let found = &stored.all;
+    let listed_others = stored.listed.iter().enumerate();
+    for (index, &deviation) in listed_others.filter(|each| stored.determined[each.0]) {
         let (name, value) = (&found.names[own + index], found.mean[own + index]);
         let kind = ParameterKind::named(name, &kinds, &arm);
         // Of which nothing was known before, they were found in their unit.
@@ -210,21 +207,16 @@ fn campaign_of(
         factors.push(whole.map_or(1.0, |_| value.recip()));
         listed.push(deviation);
     }
-    let all = found.map_or_else(
-        || DMatrix::zeros(own, own),
-        |found| {
-            DMatrix::from_fn(from.len(), from.len(), |row, column| {
-                found.covariance[(from[row], from[column])] * factors[row] * factors[column]
-            })
-        },
-    );
+    let all = DMatrix::from_fn(from.len(), from.len(), |row, column| {
+        found.covariance[(from[row], from[column])] * factors[row] * factors[column]
+    });
     let others = names.len();
     let mut cross = DMatrix::zeros(count, others);
     for (row, &place) in places.iter().enumerate() {
         (cross.row_mut(place)).copy_from(&all.view((row, own), (1, others)));
     }
     PriorCampaign {
-        sources: stored.error_sources.unwrap_or_default(),
+        sources: basis.error_sources.unwrap_or_default(),
         cross,
         covariance: all.view((own, own), (others, others)).into_owned(),
         listed,

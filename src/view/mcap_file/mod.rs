@@ -24,13 +24,11 @@ use serde_json::Value;
 
 use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
+use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::laboratory::Costs;
-use crate::record::absolute::AbsoluteMessage;
 use crate::record::absolute_plan::{ReadingsRunMessage, quaternion};
 use crate::record::length::LengthField;
-use crate::record::messages::{
-    IdentificationMessage, MeasurementMessage, ProvenanceMessage, thousandfold,
-};
+use crate::record::messages::{MeasurementMessage, ProvenanceMessage, thousandfold};
 use scene::stamp;
 
 /// Where messages of one type are.

@@ -19,7 +19,7 @@ use elastocal::comparison::results::ResultsFile;
 use elastocal::compensation::read_targets;
 use elastocal::experiment::read_candidates;
 use elastocal::files::{FileError, read_text};
-use elastocal::identification::StoredIdentification;
+use elastocal::identification::{IdentifiedFile, IdentifiedRecord};
 use elastocal::laboratory::{Dialect, DialectError, Program, ProgramStep};
 use elastocal::measurement::foreign::import;
 use elastocal::measurement::{
@@ -30,7 +30,6 @@ use elastocal::plan::read_plan;
 use elastocal::record::tally_file::TallyFile;
 use elastocal::scenario::Scenario;
 use elastocal::workflow::calibrated::CalibratedRobot;
-use elastocal::workflow::stored_robot::StoredRobot;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde_json::Value;
@@ -263,14 +262,15 @@ fn identification_reader(place: &Workplace) -> Reader {
         ending: "json",
         share: 3,
         read: |path| {
-            if let Some(robot) = StoredRobot::read(path)? {
-                let robot = CalibratedRobot::of_absolute(&UR10.task.belief, path, &robot)?;
+            let file = IdentifiedFile::read(path)?;
+            if let IdentifiedRecord::Readings(robot) = &file.record {
+                let robot = CalibratedRobot::of_absolute(&UR10.task.belief, robot)?;
                 return Ok(format!(
                     "{:?} {:?} {:?}",
                     robot.arm, robot.stations, robot.covariance
                 ));
             }
-            let stored = StoredIdentification::read(path, &KR270.task.belief.nominal)?;
+            let stored = file.known(&KR270.task.belief.nominal)?;
             Ok(format!("{stored:?}"))
         },
         is_well_formed: is_json,

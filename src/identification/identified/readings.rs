@@ -1,20 +1,45 @@
-//! An identification from absolute readings as a record, and the robot that a record describes.
+//! The keys of a robot that was identified from absolute readings.
+
+use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::messages::rows_of;
+use super::agreement::agree_of_estimate;
+use super::covariance::{covariance_of, rows_of};
 use crate::codes::Condition;
+use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, RejectedReading,
-    Unexplained, UnknownMessage,
+    Unexplained,
 };
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
+use crate::quantities::plausible::ANY_VARIANCE;
 
 /// A quaternion is a rotation where its length is that near to 1.
 const UNIT: f64 = 1e-6;
+
+/// A parameter that was fitted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct UnknownMessage {
+    /// Its name, such as `elbow.zero`, `link_3.x` or `base.rz`.
+    pub name: String,
+    /// What it is, in words.
+    pub what: String,
+    /// The unit of its value.
+    pub unit: String,
+    /// Its nominal value; displacements and rotations of frames count from the nominal frame, those of base and targets from
+    /// the frames that are listed.
+    pub nominal: f64,
+    /// Its value.
+    pub value: f64,
+    /// Its standard error; null where it is not determined.
+    pub standard_error: Option<f64>,
+    /// Its interval of 95 %.
+    pub interval95: Option<[f64; 2]>,
+}
 
 /// Where a station or a target is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -146,13 +171,6 @@ impl AbsoluteMessage {
         self.rotation_residuals_mrad.get(reading).copied().flatten()
     }
 
-    /// Whether an unknown is one of a station's or a target's frame.
-    pub fn is_of_frame(&self, name: &str) -> bool {
-        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
-        let mut frames = self.stations.iter().chain(&self.targets);
-        frames.any(|frame| frame.unknowns == owner)
-    }
-
     /// The record of a fit.
     pub fn new(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Self {
         let kept = fit.of_kept(&fit.left);
@@ -203,6 +221,101 @@ impl AbsoluteMessage {
             conditions: fit.conditions(),
         }
     }
+
+    /// Whether an unknown is one of a station's or a target's frame.
+    pub fn is_of_frame(&self, name: &str) -> bool {
+        let owner = name.rsplit_once('.').map_or("", |(owner, _)| owner);
+        let mut frames = self.stations.iter().chain(&self.targets);
+        frames.any(|frame| frame.unknowns == owner)
+    }
+
+    /// The standard deviations of what no parameter explains, of positions (m) and rotations (rad); zero where there are none.
+    pub fn discrepancy(&self) -> [f64; 2] {
+        [self.discrepancy_mm, self.discrepancy_mrad].map(|size| size.unwrap_or(0.0) * 1e-3)
+    }
+
+    /// The covariance of the unknowns, in their units.
+    ///
+    /// # Errors
+    /// It is none, or does not agree with what they say of it, or a station's or target's place is none, by the key.
+    pub(super) fn validate(&self, path: &Path) -> Result<DMatrix<f64>, FileError> {
+        for (index, (unknown, row)) in self.unknowns.iter().zip(&self.covariance).enumerate() {
+            let Some(&variance) = row.get(index) else {
+                continue;
+            };
+            let key = |name: &str| format!("unknowns[{index}].{name}");
+            agree_of_estimate(
+                path,
+                (&key("value"), unknown.value),
+                (&format!("covariance[{index}][{index}]"), variance),
+                (&key("standard_error"), unknown.standard_error.map(f64::abs)),
+                (&key("interval95"), unknown.interval95),
+            )?;
+        }
+        for (key, frames) in [("stations", &self.stations), ("targets", &self.targets)] {
+            if let Some(index) = frames.iter().position(|frame| !frame.is_place()) {
+                let wrong = FileError::new(path, "is no place: a quaternion of length 1 is needed");
+                return Err(wrong.at(format!("{key}[{index}]")));
+            }
+        }
+        let sizes = [
+            ("discrepancy_mm", self.discrepancy_mm),
+            ("discrepancy_mrad", self.discrepancy_mrad),
+        ];
+        check_sizes(path, sizes)?;
+        let degrees = self.discrepancy_degrees.filter(|degrees| *degrees <= 0.0);
+        if let Some(degrees) = degrees.filter(|_| self.discrepancy_model.is_none()) {
+            let problem = format!("found {degrees}; a positive number is needed");
+            return Err(FileError::new(path, problem).at("discrepancy_degrees"));
+        }
+        let counted = (self.unknowns.len(), "unknowns");
+        if let Some(model) = &self.discrepancy_model {
+            model.validate(path, counted.0)?;
+        }
+        covariance_of(
+            (path, "covariance"),
+            &self.covariance,
+            counted,
+            &ANY_VARIANCE,
+        )
+    }
+}
+
+impl UnexplainedMessage {
+    /// Whether it can belong to so many unknowns; joints are looked at beside a robot.
+    fn validate(&self, path: &Path, unknowns: usize) -> Result<(), FileError> {
+        let wrong = |key: &str, problem: String| {
+            Err(FileError::new(path, problem).at(format!("discrepancy_model.{key}")))
+        };
+        if self.shift.len() != unknowns {
+            let count = self.shift.len();
+            let problem = format!("found {count} numbers; there are {unknowns} unknowns");
+            return wrong("shift", problem);
+        }
+        if let Some(place) = self.scale.iter().position(|&scale| scale <= 0.0) {
+            let problem = format!("found {}; a positive number is needed", self.scale[place]);
+            return wrong(&format!("scale[{place}]"), problem);
+        }
+        let sizes = [
+            ("discrepancy_model.remainder_mm", Some(self.remainder_mm)),
+            (
+                "discrepancy_model.remainder_mrad",
+                Some(self.remainder_mrad),
+            ),
+        ];
+        check_sizes(path, sizes)
+    }
+}
+
+/// Standard deviations of what a model leaves, which files have in thousandths of their units; none where there is none.
+pub(super) fn check_sizes(path: &Path, sizes: [(&str, Option<f64>); 2]) -> Result<(), FileError> {
+    for (key, size) in sizes {
+        if let Some(size) = size.filter(|size| *size < 0.0) {
+            let problem = format!("found {size}; zero or a size is needed");
+            return Err(FileError::new(path, problem).at(key));
+        }
+    }
+    Ok(())
 }
 
 fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
@@ -345,19 +458,20 @@ impl MountedFrameMessage {
         }
     }
 
-    /// The frame; with the orientation of another where none was read. None where the numbers are no frame.
-    pub fn frame(&self, otherwise: &Isometry3<f64>) -> Option<Isometry3<f64>> {
-        let rotation = match self.quaternion {
-            None => otherwise.rotation,
-            Some([w, x, y, z]) => {
-                let read = Quaternion::new(w, x, y, z);
-                let is_unit = (read.norm() - 1.0).abs() < UNIT;
-                is_unit.then(|| UnitQuaternion::from_quaternion(read))?
-            }
-        };
+    /// Whether it can be a place.
+    fn is_place(&self) -> bool {
+        self.quaternion.is_none_or(|read| {
+            let squares = read.iter().map(|part| part * part);
+            (squares.sum::<f64>().sqrt() - 1.0).abs() < UNIT
+        })
+    }
+
+    /// The frame; with the orientation of another where none was read.
+    pub fn frame(&self, otherwise: &Isometry3<f64>) -> Isometry3<f64> {
+        let read =
+            |[w, x, y, z]: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let position_m = Vector3::from(self.position_mm) * 1e-3;
-        let is_finite = |value: &f64| value.is_finite();
-        (position_m.iter().all(is_finite) && rotation.coords.iter().all(is_finite))
-            .then(|| Isometry3::from_parts(Translation3::from(position_m), rotation))
+        let rotation = self.quaternion.map_or(otherwise.rotation, read);
+        Isometry3::from_parts(Translation3::from(position_m), rotation)
     }
 }

@@ -1,38 +1,45 @@
-//! An identified file of absolute readings, read.
+//! A robot from the file of its absolute readings.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
-use serde::Deserialize;
 
+use super::covariance::covariance_of;
+use super::impossible::hold_impossible;
+use super::readings::{
+    AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange, UnknownMessage,
+};
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
-use crate::identification::{
-    DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS, StoredOrigin, UnknownMessage,
-    covariance_of, covariance_of_unknowns, hold_impossible, read_identified,
-};
-use crate::measurement::Origin;
+use crate::identification::{DiscrepancyModel, JointError, MOST_SPREAD, SPREAD_ORDERS};
 use crate::numeric::markov::MarkovProcess;
 use crate::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use crate::quantities::plausible::ANY_VARIANCE;
-use crate::record::absolute::{AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange};
 use crate::robot::nearest_turn;
-use crate::task::Fingerprint;
 use crate::text::wording::counted;
 
 /// A robot as `identify --identified-out` tells it from absolute readings.
 #[derive(Debug, Clone)]
 pub struct StoredRobot {
+    /// The file.
+    pub path: PathBuf,
     /// What was fitted.
     pub message: AbsoluteMessage,
     /// The covariance of the unknowns, in their units.
     pub covariance: DMatrix<f64>,
-    /// What it rests on.
-    pub identified_with: Fingerprint,
-    /// Under which scenario.
-    pub origin: Option<Origin>,
     /// How far frames, by the beginning of their unknowns' names, stand along and about their own axes from where the file has them.
     frame_shifts: Vec<(String, Isometry3<f64>)>,
+}
+
+/// An unknown as a parameter of an arm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct UnknownValue {
+    /// Which one; none of a frame.
+    pub kind: Option<ParameterKind>,
+    /// Its value, or the logarithm of its ratio to the arm's.
+    pub value: f64,
+    /// By how much that changes with the quantity.
+    pub factor: f64,
 }
 
 /// Configurations that are further outside of the angles read count, as a share of their range,
@@ -86,61 +93,103 @@ impl ReadRanges {
     }
 }
 
-/// The keys that are read besides.
-#[derive(Deserialize)]
-struct RobotFile {
-    #[serde(flatten)]
-    message: AbsoluteMessage,
-    identified_with: Fingerprint,
-    #[serde(flatten)]
-    origin: StoredOrigin,
-}
-
 impl StoredRobot {
-    /// Reads what `identify --identified-out` wrote; `None` if it is of deflections.
+    /// What a file says.
     ///
     /// # Errors
-    /// What is wrong with it, with its key.
-    pub fn read(path: &Path) -> Result<Option<Self>, FileError> {
-        let Some(stored) = read_identified::<RobotFile>(path, true)? else {
-            return Ok(None);
-        };
-        let message = stored.message;
-        let covariance = covariance_of_unknowns(path, &message.unknowns, &message.covariance)
-            .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
-        Ok(Some(Self {
+    /// Its numbers are none, or do not go together, by their keys.
+    pub(super) fn new(path: &Path, message: AbsoluteMessage) -> Result<Self, FileError> {
+        Ok(Self {
+            path: path.to_owned(),
+            covariance: message.validate(path)?,
             message,
-            covariance,
-            identified_with: stored.identified_with,
             frame_shifts: Vec::new(),
-            origin: stored.origin.origin(),
-        }))
+        })
+    }
+
+    /// Which parameters of an arm the unknowns are; none of what it does not have. Stations and targets have these places among the
+    /// arm's.
+    pub fn kinds(
+        &self,
+        arm: &ElasticArm,
+        stations: &[Option<usize>],
+        tools: &[Option<usize>],
+    ) -> Vec<Option<ParameterKind>> {
+        let all = ParameterKind::of_robot(arm);
+        let kind = |name: &str| {
+            let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
+            let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
+            let one = |kinds: [[ParameterKind; 3]; 2]| {
+                let axis = Axis::ALL.iter().position(|axis| axis.to_string() == word)?;
+                Some(kinds[turn][axis])
+            };
+            let is_it = |frame: &MountedFrameMessage| frame.unknowns == owner;
+            if let Some(place) = self.message.stations.iter().position(is_it) {
+                return one(ParameterKind::of_base((*stations.get(place)?)?));
+            }
+            if let Some(place) = self.message.targets.iter().position(is_it) {
+                return one(ParameterKind::of_tool((*tools.get(place)?)?));
+            }
+            ParameterKind::named(name, &all, arm)
+        };
+        let unknowns = self.message.unknowns.iter();
+        unknowns.map(|each| kind(&each.name)).collect()
+    }
+
+    /// The values of the unknowns as an arm's parameters have them, with their kinds, none of frames, and by how much they change with the
+    /// quantities: logarithms are of the ratio to what the arm has, which may be another than was nominal then.
+    ///
+    /// # Errors
+    /// The arm has no such parameter, or a value is none, by the key.
+    pub fn values(&self, arm: &ElasticArm) -> Result<Vec<UnknownValue>, FileError> {
+        let kinds = self.kinds(arm, &[], &[]).into_iter();
+        let unknowns = self.message.unknowns.iter().zip(kinds).enumerate();
+        unknowns
+            .map(|(index, (unknown, kind))| {
+                let at = |key: &str, problem: String| {
+                    FileError::new(&self.path, problem).at(format!("unknowns[{index}].{key}"))
+                };
+                if kind.is_none() && !self.message.is_of_frame(&unknown.name) {
+                    let problem = format!("the robot has no {:?}", unknown.name);
+                    return Err(at("name", problem).code(ErrorCode::OtherRobot));
+                }
+                let (value, factor) = match kind {
+                    Some(kind) if kind.is_logarithmic(false) => {
+                        let nominal = kind.quantity(arm).unwrap_or(unknown.nominal);
+                        ((unknown.value / nominal).ln(), unknown.value.recip())
+                    }
+                    _ => (unknown.value, 1.0),
+                };
+                if !value.is_finite() {
+                    let wrong = at("value", format!("found {}", unknown.value));
+                    return Err(wrong.code(ErrorCode::IdentifiedFile));
+                }
+                Ok(UnknownValue {
+                    kind,
+                    value,
+                    factor,
+                })
+            })
+            .collect()
     }
 
     /// The arm of a belief with all that was fitted but the frames of stations and targets.
     ///
     /// # Errors
     /// A parameter does not exist, or its value is none.
-    pub fn apply(&self, path: &Path, arm: &ElasticArm) -> Result<ElasticArm, FileError> {
-        let wrong = |index: usize, problem| wrong(path, format!("unknowns[{index}]"), problem);
-        let (mut found, mut values) = (Vec::new(), Vec::new());
-        let kinds = self.kinds(arm, &[], &[]);
-        for (index, (unknown, kind)) in self.message.unknowns.iter().zip(kinds).enumerate() {
-            if self.message.is_of_frame(&unknown.name) {
-                continue;
-            }
-            let Some(kind) = kind else {
-                return Err(wrong(index, format!("the robot has no {:?}", unknown.name)));
-            };
-            let (value, _) = unknown.parameter(Some(kind), arm);
-            if !value.is_finite() {
-                return Err(wrong(index, format!("found the value {}", unknown.value)));
-            }
-            found.push((kind, None));
-            values.push(value);
-        }
-        let set = ParameterSet::new(arm, found).map_err(|error| wrong(0, error.to_string()))?;
+    pub fn apply(&self, arm: &ElasticArm) -> Result<ElasticArm, FileError> {
+        let all = self.values(arm)?.into_iter();
+        let (found, values): (Vec<_>, Vec<f64>) = all
+            .filter_map(|each| Some(((each.kind?, None), each.value)))
+            .unzip();
+        let set = ParameterSet::new(arm, found)
+            .map_err(|error| self.wrong("unknowns", error.to_string()))?;
         Ok(set.apply(arm, &values))
+    }
+
+    /// What is wrong with a key of the file.
+    pub(crate) fn wrong(&self, key: impl Into<String>, problem: String) -> FileError {
+        (FileError::new(&self.path, problem).at(key)).code(ErrorCode::IdentifiedFile)
     }
 
     /// Whether the readings showed a discrepancy: it consists of the errors that the scenario lists of readings, which count without one.
@@ -208,8 +257,8 @@ impl StoredRobot {
             let place = (self.message.unknowns.iter()).position(|each| each.name == name);
             place.and_then(|place| shift.get(place).copied())
         };
-        for unknown in &mut other.message.unknowns {
-            unknown.value += shift_of(unknown.name.clone()).unwrap_or(0.0);
+        for (unknown, shift) in other.message.unknowns.iter_mut().zip(shift) {
+            unknown.value += shift;
         }
         for frame in self.message.stations.iter().chain(&self.message.targets) {
             let [moved, turned] = ["", "r"].map(|turn| {
@@ -223,38 +272,9 @@ impl StoredRobot {
     }
 
     /// A frame of the file beside what joints are off by.
-    pub(super) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
+    pub(crate) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
         let shifts = self.frame_shifts.iter().filter(|(own, _)| own == unknowns);
         shifts.fold(frame, |frame, (_, shift)| frame * shift)
-    }
-
-    /// Which parameters of an arm the unknowns are; none of what it does not have. The file's stations and targets have these places
-    /// among the arm's.
-    pub(super) fn kinds(
-        &self,
-        arm: &ElasticArm,
-        stations: &[Option<usize>],
-        tools: &[Option<usize>],
-    ) -> Vec<Option<ParameterKind>> {
-        let all = ParameterKind::of_robot(arm);
-        let kind = |name: &str| {
-            let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
-            let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
-            let one = |kinds: [[ParameterKind; 3]; 2]| {
-                let axis = Axis::ALL.iter().position(|axis| axis.to_string() == word)?;
-                Some(kinds[turn][axis])
-            };
-            let is_it = |frame: &MountedFrameMessage| frame.unknowns == owner;
-            if let Some(place) = self.message.stations.iter().position(is_it) {
-                return one(ParameterKind::of_base((*stations.get(place)?)?));
-            }
-            if let Some(place) = self.message.targets.iter().position(is_it) {
-                return one(ParameterKind::of_tool((*tools.get(place)?)?));
-            }
-            ParameterKind::named(name, &all, arm)
-        };
-        let unknowns = self.message.unknowns.iter();
-        unknowns.map(|each| kind(&each.name)).collect()
     }
 
     /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as
@@ -262,74 +282,40 @@ impl StoredRobot {
     ///
     /// # Errors
     /// The file's numbers are none, or do not belong together.
-    pub fn discrepancy_model(
-        &self,
-        path: &Path,
-        arm: &ElasticArm,
-    ) -> Result<DiscrepancyModel, FileError> {
+    pub fn discrepancy_model(&self, arm: &ElasticArm) -> Result<DiscrepancyModel, FileError> {
         let message = &self.message;
         let unknowns = message.unknowns.len();
-        let wrong = |key, problem| wrong(path, key, problem);
-        let kinds = self.kinds(arm, &[], &[]);
-        let factors: Vec<f64> = (message.unknowns.iter().zip(kinds))
-            .map(|(unknown, kind)| unknown.parameter(kind, arm).1)
-            .collect();
-        let factor = |index: usize| factors.get(index).copied().unwrap_or(1.0);
+        let values = self.values(arm)?;
+        let factor = |index: usize| values.get(index).map_or(1.0, |each| each.factor);
         let relative = |found: &DMatrix<f64>| {
             found.map_with_location(|row, column, entry| entry * factor(row) * factor(column))
         };
         let Some(found) = &message.discrepancy_model else {
-            let sizes = [
-                ("discrepancy_mm", message.discrepancy_mm),
-                ("discrepancy_mrad", message.discrepancy_mrad),
-            ];
-            let rest = rest(sizes.map(|(key, size)| (key, size.unwrap_or(0.0))))
-                .map_err(|(key, problem)| wrong(key, problem))?;
-            let plain = DiscrepancyModel::plain(relative(&self.covariance), rest);
+            let covariance = relative(&self.covariance);
+            let plain = DiscrepancyModel::plain(covariance, message.discrepancy());
             return Ok(match message.discrepancy_degrees {
-                Some(degrees) if degrees > 0.0 => plain.estimated(degrees),
-                Some(degrees) => {
-                    let problem = format!("found {degrees}; a positive number is needed");
-                    return Err(wrong("discrepancy_degrees".to_owned(), problem));
-                }
+                Some(degrees) => plain.estimated(degrees),
                 None => plain,
             });
         };
-        let discrepancy_model = |(key, problem)| wrong(format!("discrepancy_model.{key}"), problem);
+        let discrepancy_model =
+            |(key, problem): KeyProblem| self.wrong(format!("discrepancy_model.{key}"), problem);
         let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
         let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
         let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
-        if found.shift.len() != unknowns {
-            let count = found.shift.len();
-            let problem = format!("found {count} numbers; there are {unknowns} unknowns");
-            return Err(discrepancy_model(("shift".to_owned(), problem)));
-        }
-        if let Some(place) = found.scale.iter().position(|&scale| scale <= 0.0) {
-            let problem = format!("found {}; a positive number is needed", found.scale[place]);
-            return Err(discrepancy_model((format!("scale[{place}]"), problem)));
-        }
-        let shift = found.shift.iter().zip(&factors);
-        let shift = shift.map(|(shift, factor)| shift * factor);
-        let covariance = covariance_of(&rows, &ANY_VARIANCE).map_err(|(place, problem)| {
-            discrepancy_model((format!("covariance{place}"), problem))
-        })?;
-        let sizes = [
-            ("remainder_mm", found.remainder_mm),
-            ("remainder_mrad", found.remainder_mrad),
-        ];
+        let shift = found.shift.iter().zip(&values);
+        let shift = shift.map(|(shift, each)| shift * each.factor);
+        let (key, counted) = ("discrepancy_model.covariance", (rows.len(), "values"));
+        let covariance = covariance_of((&self.path, key), &rows, counted, &ANY_VARIANCE)
+            .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(DiscrepancyModel {
             joints,
             shift: DVector::from_iterator(unknowns, shift),
             covariance: relative(&covariance),
-            rest: rest(sizes).map_err(discrepancy_model)?,
+            rest: [found.remainder_mm, found.remainder_mrad].map(|size| size * 1e-3),
             scale: found.scale,
         })
     }
-}
-
-/// What is wrong with a key of an identified file.
-pub(super) fn wrong(path: &Path, key: String, problem: String) -> FileError {
-    (FileError::new(path, problem).at(key)).code(ErrorCode::IdentifiedFile)
 }
 
 /// A key of the file below some other, and what is wrong with it.
@@ -395,15 +381,6 @@ fn joint_errors(
         }));
     }
     Ok(joints)
-}
-
-/// The standard deviations of what joints do not explain, in thousandths.
-fn rest(sizes: [(&str, f64); 2]) -> Result<[f64; 2], KeyProblem> {
-    if let Some((key, size)) = sizes.into_iter().find(|each| each.1 < 0.0) {
-        let problem = format!("found {size}; zero or a size is needed");
-        return Err((key.to_owned(), problem));
-    }
-    Ok(sizes.map(|each| each.1 * 1e-3))
 }
 
 /// All rows of a symmetric matrix of which the lower triangle is given.

@@ -1,7 +1,10 @@
 //! Whether a matrix that was read can be a covariance.
 
+use std::path::Path;
+
 use nalgebra::DMatrix;
 
+use crate::files::FileError;
 use crate::numeric::factorisation::{finite_eigen, symmetric};
 use crate::quantities::plausible::{Kind, shown};
 
@@ -9,24 +12,34 @@ use crate::quantities::plausible::{Kind, shown};
 /// semidefinite, as a share of the variances.
 const ROUNDING: f64 = 1e-6;
 
-/// The covariance of n parameters from its rows, in their units, whose variances are of a kind.
+/// The covariance of so many parameters, in their units, whose variances are of a kind, from its rows at a key of a file.
 ///
 /// # Errors
-/// Where and why it is none: it is not square, a variance is negative, or it is not symmetric and
+/// Where and why it is none: it is not square or has another size, a variance is negative, or it is not symmetric and
 /// positive semidefinite.
-pub fn covariance_of(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (String, String)> {
-    let size = rows.len();
+pub fn covariance_of(
+    (path, key): (&Path, &str),
+    rows: &[Vec<f64>],
+    (size, what): (usize, &str),
+    kind: &Kind,
+) -> Result<DMatrix<f64>, FileError> {
+    let wrong =
+        |place: String, problem: String| FileError::new(path, problem).at(format!("{key}{place}"));
+    if rows.len() != size {
+        let problem = format!("found {} rows; there are {size} {what}", rows.len());
+        return Err(wrong(String::new(), problem));
+    }
     if size == 0 {
         return Ok(DMatrix::zeros(0, 0));
     }
     if let Some((row, found)) = (rows.iter().enumerate()).find(|(_, row)| row.len() != size) {
         let problem = format!("found {} numbers; {size} are allowed", found.len());
-        return Err((format!("[{row}]"), problem));
+        return Err(wrong(format!("[{row}]"), problem));
     }
     let matrix = DMatrix::from_fn(size, size, |row, column| rows[row][column]);
     for index in 0..size {
         (kind.check(matrix[(index, index)]))
-            .map_err(|problem| (format!("[{index}][{index}]"), problem))?;
+            .map_err(|problem| wrong(format!("[{index}][{index}]"), problem))?;
     }
     let deviation = matrix.diagonal().map(f64::sqrt);
     // Scaled to a diagonal of ones, so that compliances of any size compare.
@@ -43,7 +56,7 @@ pub fn covariance_of(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
                     shown(value),
                     shown(largest)
                 );
-                return Err((place(), problem));
+                return Err(wrong(place(), problem));
             }
             if (value - other).abs() > largest * ROUNDING {
                 let problem = format!(
@@ -51,7 +64,7 @@ pub fn covariance_of(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
                     shown(value),
                     shown(other)
                 );
-                return Err((place(), problem));
+                return Err(wrong(place(), problem));
             }
             if largest > 0.0 && row != column {
                 correlation[(row, column)] = value / largest;
@@ -67,7 +80,13 @@ pub fn covariance_of(rows: &[Vec<f64>], kind: &Kind) -> Result<DMatrix<f64>, (St
         "found the eigenvalue {} of the correlations; a covariance has none below zero",
         shown(smallest)
     );
-    Err((String::new(), problem))
+    Err(wrong(String::new(), problem))
+}
+
+/// A matrix, row by row.
+pub(crate) fn rows_of(matrix: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let rows = matrix.row_iter();
+    rows.map(|row| row.iter().copied().collect()).collect()
 }
 
 #[cfg(test)]
@@ -75,10 +94,19 @@ mod tests {
     use super::*;
     use crate::quantities::plausible::VARIANCE;
 
+    fn read(rows: &[Vec<f64>]) -> Result<DMatrix<f64>, FileError> {
+        let counted = (rows.len(), "parameters");
+        covariance_of(
+            (Path::new("i.json"), "covariance"),
+            rows,
+            counted,
+            &VARIANCE,
+        )
+    }
+
     fn problem(rows: &[[f64; 2]]) -> Option<String> {
         let rows: Vec<Vec<f64>> = rows.iter().map(|row| row.to_vec()).collect();
-        let (place, problem) = covariance_of(&rows, &VARIANCE).err()?;
-        Some(format!("{place}: {problem}"))
+        Some(read(&rows).err()?.to_string())
     }
 
     #[test]
@@ -103,13 +131,13 @@ mod tests {
         }
         // What rounding left is away, by the variances and not by the number itself.
         let nearly = [vec![1e-16, 1e-24], vec![-1e-24, 1e-16]];
-        let found = covariance_of(&nearly, &VARIANCE).expect("a covariance");
+        let found = read(&nearly).expect("a covariance");
         assert_eq!(found, found.transpose());
-        assert!(covariance_of(&[], &VARIANCE).is_ok_and(|nothing| nothing.is_empty()));
+        assert!(read(&[]).is_ok_and(|nothing| nothing.is_empty()));
         // Each pair is possible, but not all three at once.
         let mut rows = vec![vec![-0.9; 3]; 3];
         (0..3).for_each(|index| rows[index][index] = 1.0);
-        let (_, problem) = covariance_of(&rows, &VARIANCE).expect_err("is none");
+        let problem = read(&rows).expect_err("is none").to_string();
         assert!(problem.contains("eigenvalue -0.8"), "{problem}");
     }
 }
