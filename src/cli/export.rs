@@ -75,7 +75,7 @@ impl Export {
         robot.with_joint_errors.as_deref().ok_or_else(|| {
             let problem = "has no joint error functions, which --joint-errors-out would write";
             FileError::new(&self.identified, problem)
-                .hint("identify from absolute readings, 20 visits or more, without --without-joint-errors")
+                .hint("identify from absolute readings of 20 visits or more, not with --joint-errors off")
                 .code(ErrorCode::IdentifiedFile)
         })
     }

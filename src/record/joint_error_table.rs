@@ -15,9 +15,11 @@ pub fn joint_error_table(model: &DiscrepancyModel, joints: &[Joint]) -> String {
         let step = STEP[usize::from(drive.slides)];
         let error_unit = if drive.slides { "mm" } else { "mrad" };
         let [low, high] = each.process.range();
-        let inner = ((low / step).ceil() as i64..=(high / step).floor() as i64)
-            .map(|number| number as f64 * step);
-        let inner = inner.filter(|at| low < *at && *at < high);
+        let first = (low / step).floor() * step;
+        let inner = (1..).map(|number| first + f64::from(number) * step);
+        let inner = inner
+            .skip_while(|at| *at <= low)
+            .take_while(|at| *at < high);
         let last = (high > low).then_some(high);
         for at in [low].into_iter().chain(inner).chain(last) {
             let [error, standard_error] = model.error_at(place, at).map(|value| value * 1e3);

@@ -16,7 +16,7 @@ use crate::workflow::identify::{
     FitChoices, IdentifiedRobot, identify_absolute, model_selection, uncounted,
 };
 
-use super::Identify;
+use super::{Identify, JointErrorsUse};
 use crate::cli::command_prelude::*;
 use crate::cli::identified::refuse_same;
 use crate::cli::residuals;
@@ -42,7 +42,7 @@ impl Identify {
         let mut choices = FitChoices {
             weights,
             keeps_all: self.keep_all,
-            uses_joint_errors: !self.without_joint_errors,
+            uses_joint_errors: self.joint_errors != JointErrorsUse::Off,
         };
         let wrong = |error: IdentificationError| error.in_file(file);
         let model_selection = (self.model_selection)
@@ -50,8 +50,10 @@ impl Identify {
             .transpose()?;
         let model_selection = model_selection.as_ref();
         let groups = model_selection.map_or(&*self.parameters, ModelSelection::groups);
-        choices.uses_joint_errors &=
-            model_selection.is_none_or(ModelSelection::recommends_joint_errors);
+        if self.joint_errors == JointErrorsUse::Auto {
+            choices.uses_joint_errors =
+                model_selection.is_none_or(ModelSelection::recommends_joint_errors);
+        }
         let mut identified = identify_absolute(belief, readings, groups, choices).map_err(wrong)?;
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";

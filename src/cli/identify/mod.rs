@@ -3,12 +3,26 @@
 pub mod absolute;
 pub mod deflections;
 
+use clap::ValueEnum;
+
 use crate::identification::{ParameterGroup, patterns::Patterns};
 use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
 use crate::task::Method;
 use crate::view::plots::patterns_plot;
 
 use super::command_prelude::*;
+
+/// Whether joint error functions are used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum JointErrorsUse {
+    /// Unless --model-selection finds that they do not predict other blocks better.
+    #[default]
+    Auto,
+    /// Where there are readings enough.
+    On,
+    /// Never.
+    Off,
+}
 
 #[derive(Debug, Args)]
 #[command(mut_arg("scenario", named_by_file))]
@@ -34,10 +48,10 @@ pub struct Identify {
     /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
     #[arg(long, conflicts_with = "parameters")]
     model_selection: bool,
-    /// Leave out joint error functions: what joints are off by over their own angles is part of the model discrepancy. Of absolute
-    /// readings; with --model-selection they are left out, too, where they do not predict other blocks better.
-    #[arg(long)]
-    without_joint_errors: bool,
+    /// Whether to use joint error functions, what joints are off by over their own angles; without, that is part of the model discrepancy. Of
+    /// absolute readings.
+    #[arg(long, value_enum, default_value_t)]
+    joint_errors: JointErrorsUse,
     /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
     /// are named.
     #[arg(long, value_name = "FILE")]
