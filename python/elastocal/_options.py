@@ -97,7 +97,7 @@ class ExplainGiven(TypedDict, total=False):
 
 
 class ExportGiven(Common, total=False):
-    pass
+    joint_errors_out: FilePath | None
 
 
 class ExportOptions(ExportGiven, total=False):
@@ -108,6 +108,7 @@ class ExportOptions(ExportGiven, total=False):
 class IdentifyGiven(Common, total=False):
     against: FilePath | None
     identified_out: FilePath | None
+    joint_errors: Literal["auto", "on", "off"] | None
     keep_all: bool | None
     method: Literal["linear", "nonlinear"] | None
     model_selection: bool | None

@@ -15,7 +15,7 @@ use super::command_prelude::*;
 /// Whether joint error functions are used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub enum JointErrorsUse {
-    /// Unless --model-selection finds that they do not predict other blocks better.
+    /// Unless --model-selection finds that they predict no better.
     #[default]
     Auto,
     /// Where there are readings enough.
@@ -48,9 +48,14 @@ pub struct Identify {
     /// space that they were not fitted to, and fit the one that is recommended. Of absolute readings.
     #[arg(long, conflicts_with = "parameters")]
     model_selection: bool,
-    /// Whether to use joint error functions, what joints are off by over their own angles; without, that is part of the model discrepancy. Of
-    /// absolute readings.
-    #[arg(long, value_enum, default_value_t)]
+    /// Use joint error functions; without, what joints are off by is part of the model discrepancy. Of absolute readings.
+    #[arg(
+        long,
+        value_enum,
+        value_name = "USE",
+        default_value_t,
+        hide_default_value = true
+    )]
     joint_errors: JointErrorsUse,
     /// Another series of absolute readings of the same robot, fitted apart in the same way: inconsistent parameters
     /// are named.
