@@ -56,11 +56,15 @@ impl Export {
         report.write(&self.model_out, &exported.text)?;
         if let Some((path, found)) = with_joint_errors {
             let table = joint_error_table(&found.model, &robot.arm.chain.joints);
-            let origin = format!(
+            let mut origin = format!(
                 "# Joint error functions of {}, beside the parameters of {}: stands further than commanded by error.\n",
                 self.identified.display(),
                 self.model_out.display()
             );
+            let joints = found.model.joints.iter();
+            let joints = joints.filter(|each| each.turn_about.is_some());
+            let names = joints.map(|each| &robot.arm.chain.joints[each.joint].name);
+            origin += &naming(names, "# Angles count modulo a turn: {}\n");
             report.write(path, &(origin + &table))?;
         }
         Ok((self.common).report("export", &scenario, [keys], report)?)

@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use nalgebra::{Matrix2, Vector2};
-
 use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
 use crate::identification::patterns::{Pattern, PatternPoint, Patterns};
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
@@ -281,31 +279,20 @@ fn panel(pattern: &Pattern) -> Chart {
     Chart::new([x, y], names, series)
 }
 
-/// A wave of the pattern's size along the scale of its points, in that phase which goes best with what the pattern says there; none of
-/// another pattern.
+/// The pattern's wave along the scale of its points; none of another pattern.
 fn wave(pattern: &Pattern) -> Option<Vec<(f64, f64)>> {
+    let [cosine, sine] = pattern.wave?;
     let waves = match pattern.at_unit {
         "deg" => pattern.harmonic? as f64,
-        _ => pattern.harmonic.map(|_| 1.0)?,
+        _ => 1.0,
     };
-    let turned = |at: f64| {
-        let (sin, cos) = (waves * at.to_radians()).sin_cos();
-        Vector2::new(cos, sin)
-    };
-    let (mut squares, mut right) = (Matrix2::zeros(), Vector2::zeros());
-    for point in &pattern.points {
-        let turned = turned(point.at);
-        squares += turned * turned.transpose();
-        right += turned * point.pattern;
-    }
-    let phase = (squares.try_inverse()? * right).try_normalize(0.0)?;
     let [from, to] = ends(pattern.points.iter().map(|point| point.at));
-    let at =
-        (0..=SAMPLES).map(|sample| from + (to - from) * f64::from(sample) / f64::from(SAMPLES));
-    Some(
-        at.map(|at| (at, pattern.size * phase.dot(&turned(at))))
-            .collect(),
-    )
+    let value = |sample: u32| {
+        let at = from + (to - from) * f64::from(sample) / f64::from(SAMPLES);
+        let (sin, cos) = (waves * at.to_radians()).sin_cos();
+        (at, cosine * cos + sine * sin)
+    };
+    Some((0..=SAMPLES).map(value).collect())
 }
 
 fn panel_title(pattern: &Pattern) -> String {

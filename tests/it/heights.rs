@@ -141,7 +141,18 @@ fn heights_stand_beside_a_tracker() {
         1,
     );
     place.write("both.toml", &text);
-    place.json("plan both.toml --draw 10 --experiments 16 --plan-out both.csv");
+    // Half of the readings by the gauge, where the tracker reaches nothing.
+    let tracker = "position_mm = [2500, -1500, 900]\n";
+    let blind = text.replacen(tracker, &format!("{tracker}range_max_mm = 10\n"), 1);
+    place.write("blind.toml", blind);
+    let rows = ["both", "blind"].map(|name| {
+        place.json(&format!(
+            "plan {name}.toml --draw 10 --experiments 8 --plan-out {name}.csv"
+        ));
+        place.read(&format!("{name}.csv"))
+    });
+    let (_, of_gauge) = rows[1].split_once('\n').expect("a header");
+    place.write("both.csv", rows[0].clone() + of_gauge);
     let evaluated = place.json("evaluate both.toml --plan both.csv --trials 600");
     let plan = evaluated["plan"].as_array().expect("a list");
     let heights = plan.iter().filter(|each| each["height_mm"].is_number());

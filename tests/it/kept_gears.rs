@@ -75,7 +75,7 @@ fn keep_their_errors(correlation: &str) {
     let new = place.json("evaluate new.toml --parameters zeros --plan new.csv");
     let rho0_mm = number(&found["rho0_mm"]);
     let ratio = rho0_mm / number(&new["rho0_mm"]);
-    assert!((ratio - 1.0).abs() > 0.1, "{ratio}");
+    assert!((ratio - 1.0).abs() > 0.05, "{ratio}");
 
     let budget = &found["uncertainty_budget"]["sources"];
     let budget = budget.as_array().expect("sources");

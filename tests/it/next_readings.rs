@@ -173,7 +173,7 @@ fn budgets_of_sampled_configurations_fall() {
             .collect::<Vec<_>>()
     };
     let (sizes, rho0, bounds) = (of("experiments"), of("rho0_mm"), of("lower_bound_rho0_mm"));
-    assert_eq!(sizes, (6..=14).map(f64::from).collect::<Vec<_>>());
+    assert_eq!(sizes, (5..=14).map(f64::from).collect::<Vec<_>>());
     for falling in [&rho0, &bounds] {
         assert!(
             falling.windows(2).all(|pair| pair[1] <= pair[0]),

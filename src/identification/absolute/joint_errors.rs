@@ -323,7 +323,14 @@ impl DiscrepancyModel {
         };
         let q = setup.commanded_rad.as_slice();
         let local = self.local(&rows, places, q);
-        let known = self.by_what_is_known(&local);
+        // What a function may be between knots is the robot's, too.
+        let between = self.joints.iter().zip(rows.joints.column_iter());
+        let between = between.map(|(joint, moved)| {
+            let spare = joint.process.between(joint.angle(q)).spare;
+            joint.deviation.powi(2) * spare * moved.norm_squared()
+        });
+        let between: f64 = between.sum();
+        let known = self.by_what_is_known(&local).trace() + between;
         // Without joints' errors the scale is of regions alone.
         let scale = if joints.is_empty() {
             1.0
@@ -332,8 +339,8 @@ impl DiscrepancyModel {
         };
         Ok(PlaceError {
             rows: rows.columns,
-            identified_m2: scale * known.trace(),
-            new_m2: scale * local.new.trace(),
+            identified_m2: scale * known,
+            new_m2: scale * (local.new.trace() - between),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! The keys of a robot that was identified from absolute readings.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
@@ -17,6 +18,7 @@ use crate::identification::{
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
 use crate::quantities::plausible::ANY_VARIANCE;
+use crate::robot::nearest_turn;
 
 /// A quaternion is a rotation where its length is that near to 1.
 const UNIT: f64 = 1e-6;
@@ -318,6 +320,18 @@ pub(super) fn check_sizes(path: &Path, sizes: [(&str, Option<f64>); 2]) -> Resul
     Ok(())
 }
 
+/// The shortest arc that has all of some angles within a turn (rad): what the widest gap leaves.
+fn arc(angles: impl Iterator<Item = f64>) -> [f64; 2] {
+    let mut sorted: Vec<f64> = angles.collect();
+    sorted.sort_by(f64::total_cmp);
+    let [low, high] = ends(sorted.iter().copied());
+    let gaps = sorted.windows(2).map(|pair| (pair[1] - pair[0], pair));
+    match gaps.max_by(|one, other| one.0.total_cmp(&other.0)) {
+        Some((gap, pair)) if gap > low + TAU - high => [pair[1], pair[0] + TAU],
+        _ => [low, high],
+    }
+}
+
 fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
     let kept = fit.kept();
     let joints = case.arm.chain.joints.iter().enumerate();
@@ -327,7 +341,10 @@ fn ranges_read(case: &AbsoluteCase<'_>, fit: &AbsoluteFit) -> Vec<ReadRange> {
                 (kept.iter()).map(|&index| case.observations[index].setup.commanded_rad[joint]);
             ReadRange {
                 joint: each.name.clone(),
-                range: ends(angles),
+                range: match each.turn_about() {
+                    Some(middle) => arc(angles.map(|angle| nearest_turn(angle, Some(middle)))),
+                    None => ends(angles),
+                },
             }
         })
         .collect()

@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::rows::{Base, LookedAt, ReadingRows};
+use crate::robot::Drive;
 
 /// What numbers of readings a drift goes with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,7 +69,10 @@ impl LookedAt {
     pub(super) fn candidates(&self) -> Vec<Against> {
         let joints = 0..self.joints.len();
         let waves = (2 * self.readings.len()).clamp(FEWEST_WAVES, MOST_WAVES);
-        let turning = joints.clone().filter(|&joint| self.joints[joint].1);
+        let turning = joints.clone().filter(|&joint| {
+            let drive = self.joints[joint].1;
+            drive.passive_at.is_none() && !drive.slides
+        });
         let mut all: Vec<Against> = turning
             .flat_map(|joint| (1..=waves).map(move |waves| Against::Angle { joint, waves }))
             .collect();
@@ -217,12 +221,15 @@ impl LookedAt {
         };
         let name = against.joint().map_or("", |joint| &self.joints[joint].0);
         let in_mm = format!("{:.4} mm", size * 1e3);
-        let turn = if is_softer {
-            format!("{:.4}e-6 rad/(N m)", size * 1e6)
-        } else {
-            format!("{:.4} mrad", size * 1e3)
+        let drive = against
+            .joint()
+            .map_or_else(Drive::default, |joint| self.joints[joint].1);
+        let rad = either(drive.compliance_unit(), drive.unit());
+        let turn = match (is_softer, drive.slides) {
+            (true, _) => format!("{:.4}e-6 {rad}", size * 1e6),
+            (false, true) => in_mm.clone(),
+            (false, false) => format!("{:.4} mrad", size * 1e3),
         };
-        let rad = either("rad/(N m)", "rad");
         match against {
             Against::Angle { waves, .. } => {
                 let does = either(

@@ -58,6 +58,9 @@ pub struct Pattern {
     pub sentence: String,
     /// What may cause it.
     pub cause: &'static str,
+    /// The cosine's and the sine's part of waves.
+    #[serde(skip)]
+    pub wave: Option<[f64; 2]>,
     /// How large it is: the amplitude of waves, else the whole range over these readings.
     pub size: f64,
     /// The share of the weighted squares that it explains.
@@ -154,6 +157,10 @@ impl LookedAt {
                 joint: against.joint().map(|joint| self.joints[joint].0.clone()),
                 harmonic: match against {
                     Against::Angle { waves, .. } => Some(waves),
+                    _ => None,
+                },
+                wave: match (against, test.coefficients.as_slice()) {
+                    (Against::Angle { .. }, &[cosine, sine]) => Some([cosine, sine]),
                     _ => None,
                 },
                 drifting: against.drifting(),

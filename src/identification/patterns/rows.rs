@@ -63,8 +63,8 @@ impl Base {
 pub struct LookedAt {
     /// The readings in their order.
     pub readings: Vec<ReadingRows>,
-    /// The joints' names, and whether each turns by command.
-    pub joints: Vec<(String, bool)>,
+    /// The joints' names, and how each moves.
+    pub joints: Vec<(String, Drive)>,
     /// Whether deflections were read.
     pub is_of_deflections: bool,
 }
@@ -72,11 +72,10 @@ pub struct LookedAt {
 impl LookedAt {
     /// Readings of an arm.
     pub fn new(chain: &SerialChain, readings: Vec<ReadingRows>, is_of_deflections: bool) -> Self {
-        let turns = |drive: &Drive| drive.passive_at.is_none() && !drive.slides;
         let joints = chain.joints.iter();
         Self {
             readings,
-            joints: (joints.map(|joint| (joint.name.clone(), turns(&joint.drive)))).collect(),
+            joints: (joints.map(|joint| (joint.name.clone(), joint.drive))).collect(),
             is_of_deflections,
         }
     }

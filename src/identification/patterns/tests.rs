@@ -63,7 +63,9 @@ fn file(seed: u64, times: usize, turned: f64, shared: f64) -> LookedAt {
     }
     LookedAt {
         readings,
-        joints: (0..JOINTS).map(|joint| (joint.to_string(), true)).collect(),
+        joints: (0..JOINTS)
+            .map(|joint| (joint.to_string(), crate::robot::Drive::default()))
+            .collect(),
         is_of_deflections: false,
     }
 }

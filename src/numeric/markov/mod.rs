@@ -115,6 +115,16 @@ impl Kernel {
         }
     }
 
+    /// The variance of the logarithm of a process's variance, or of its length, that its course over such a range leaves: 2 / N, where N is the
+    /// range over the integral of the squared correlation.
+    pub fn variance_of_course(&self, range: f64) -> f64 {
+        let integral = match self.correlation {
+            Correlation::Exponential => self.length,
+            Correlation::Matern32 => 2.5 * self.length,
+        };
+        2.0 * integral / range.max(integral)
+    }
+
     fn step(&self, apart: f64) -> Transition {
         let x = (apart / self.length).min(FORGOTTEN);
         let kept = (-x).exp();

@@ -18,6 +18,7 @@ use super::{
 };
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Correlation, FIRST_LENGTH};
+use crate::numeric::tolerance::ends;
 use crate::parameter::JointFunction;
 
 /// Parts of the poses have no more of these, and no more rows.
@@ -188,15 +189,28 @@ impl MixedModel {
             .collect();
         let curvature = found.curvature.select_rows(&inner).select_columns(&inner);
         let mut reach = vec![None; at.len()];
+        let likeliest = variances(&at);
+        // Parts see the same functions: of those no number of readings shows more than their own course.
+        let again = 1.0 - 1.0 / parts.len() as f64;
+        let of_course = |place: usize| {
+            let joints = self.joints.len();
+            let of = |first: usize| place.checked_sub(first).filter(|joint| *joint < joints);
+            of(2).or_else(|| of(sizes)).map_or(0.0, |joint| {
+                let [low, high] = ends(self.angles(joint).into_iter());
+                likeliest.process[joint]
+                    .kernel
+                    .variance_of_course(high - low)
+            })
+        };
         if let Some(factor) = Cholesky::new(curvature) {
             for (&place, variance) in inner.iter().zip(&inverse_of(&factor).diagonal()) {
-                reach[place] =
-                    Some(WITHIN_95 * variance.sqrt()).filter(|reach| *reach < MOST_REACH);
+                let whole = variance + again * of_course(place);
+                reach[place] = Some(WITHIN_95 * whole.sqrt()).filter(|reach| *reach < MOST_REACH);
             }
         }
         Some(LikeliestVariances {
             likelihood: found.likelihood,
-            variances: variances(&at),
+            variances: likeliest,
             reach,
         })
     }

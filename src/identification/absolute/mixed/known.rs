@@ -9,6 +9,8 @@ use crate::parameter::JointFunction;
 
 /// The knots of no more visits are all their angles: then nothing is lost between knots.
 const EXACT: usize = 120;
+/// Of more visits, too, as long as all joints have no more states together.
+const MOST_STATES: usize = 1500;
 /// Improvements of what is new beside known functions, and the change of a deviation with which it is found.
 const REMAINDER_ROUNDS: usize = 60;
 const REMAINDER_FOUND: f64 = 2e-3;
@@ -112,14 +114,15 @@ impl MixedModel {
 
     fn known_variances(&self, known: &VarianceComponents) -> MixedVariances {
         let process = |(place, function): (usize, &JointFunction)| {
-            let mut angles: Vec<f64> = self.visits.iter().map(|each| each.angles[place]).collect();
+            let most = MOST_STATES / (function.kernel.order() * known.functions.len());
+            let mut angles = self.angles(place);
             angles.sort_by(f64::total_cmp);
             angles.dedup_by(|one, other| *one - *other < SAME_RAD);
             MarkovProcess {
-                knots: if angles.len() <= EXACT {
+                knots: if angles.len() <= EXACT.max(most) {
                     angles
                 } else {
-                    knots_among(&angles, self.most_knots)
+                    knots_among(&angles, most)
                 },
                 kernel: function.kernel,
             }

@@ -40,8 +40,6 @@ const MOST_BESIDE_WAVES: usize = 16;
 const VISITS_PER_KNOT: usize = 4;
 /// Improvements of the variances; later ones change intervals by a per cent.
 const ROUNDS: usize = 14;
-/// So much of a block counts where it is left out, that nothing becomes undetermined.
-const LEFT_IN: f64 = 1e-6;
 /// Of what is unexplained in a joint, what is new at each visit to start with.
 const RETURNS: f64 = 0.05;
 /// Deviations that change by less are found.
@@ -342,8 +340,7 @@ impl MixedModel {
         let count = (self.visits.len() / VISITS_PER_KNOT).clamp(2, self.most_knots);
         let process: Vec<MarkovProcess> = (0..self.joints.len())
             .map(|joint| {
-                let angles: Vec<f64> = self.visits.iter().map(|each| each.angles[joint]).collect();
-                let knots = knots_among(&angles, count);
+                let knots = knots_among(&self.angles(joint), count);
                 MarkovProcess {
                     kernel: Kernel::exponential(MarkovProcess::longest(&knots)),
                     knots,
@@ -386,28 +383,13 @@ impl MixedModel {
     }
 
     fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
-        self.solution(variances, self.told(variances)?)
-    }
-
-    /// The information of the readings, and its pull.
-    fn told(&self, variances: &MixedVariances) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let offsets = self.offsets(variances);
         let of_visits = |visits: &[PoseReadings]| sums_of(visits, variances, &offsets);
-        let (mut information, gradient) = self.sum_of(of_visits, |sum, piece| {
+        let (mut information, mut gradient) = self.sum_of(of_visits, |sum, piece| {
             sum.0 += piece.0;
             sum.1 += piece.1;
         })?;
         information.fill_lower_triangle_with_upper_triangle();
-        Some((information, gradient))
-    }
-
-    /// What the model says by such information, and by what is known before.
-    fn solution(
-        &self,
-        variances: &MixedVariances,
-        (mut information, mut gradient): (DMatrix<f64>, DVector<f64>),
-    ) -> Option<MixedSolution> {
-        let offsets = self.offsets(variances);
         let fixed = self.units.ncols();
         let mut before = information.view_mut((0, 0), (fixed, fixed));
         before += &self.prior;
@@ -428,23 +410,40 @@ impl MixedModel {
         })
     }
 
-    /// What the likeliest variances say of all readings, and without those of each of some parts, by the same variances.
+    /// What the likeliest variances say of all readings, and of those without each of some parts, by the same variances and knots of their own:
+    /// knots suit the angles where readings stand.
     pub fn without_each(
         &self,
         parts: &[Self],
     ) -> Option<(DiscrepancyModel, Vec<DiscrepancyModel>)> {
         let (variances, solved) = self.likeliest()?;
-        let (information, gradient) = self.told(&variances)?;
-        let without = |part: &Self| {
-            let (own, pull) = part.told(&variances)?;
-            let others = (
-                &information - own * (1.0 - LEFT_IN),
-                &gradient - pull * (1.0 - LEFT_IN),
-            );
-            Some(self.model(&variances, &self.solution(&variances, others)?))
+        let without = |part: usize| {
+            let others = parts.iter().enumerate().filter(|(other, _)| *other != part);
+            let visits = others.flat_map(|(_, other)| other.visits.iter().cloned());
+            let others = Self {
+                visits: visits.collect(),
+                ..self.emptied()
+            };
+            let mut variances = variances.clone();
+            for (joint, process) in variances.process.iter_mut().enumerate() {
+                process.knots = knots_among(&others.angles(joint), process.knots.len());
+            }
+            Some(others.model(&variances, &others.solved(&variances)?))
         };
-        let without = parts.par_iter().map(without).collect::<Option<_>>()?;
-        Some((self.model(&variances, &solved), without))
+        let without = (0..parts.len()).into_par_iter().map(without);
+        Some((
+            self.model(&variances, &solved),
+            without.collect::<Option<_>>()?,
+        ))
+    }
+
+    /// The same without readings.
+    fn emptied(&self) -> Self {
+        self.of_visits(|_| false)
+    }
+
+    fn angles(&self, joint: usize) -> Vec<f64> {
+        self.visits.iter().map(|each| each.angles[joint]).collect()
     }
 
     /// A sum over all visits, in pieces side by side.
