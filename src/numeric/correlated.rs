@@ -269,6 +269,7 @@ pub(crate) mod tests {
                 Kernel {
                     correlation: Correlation::Matern32,
                     length: 0.3,
+                    period: None,
                 },
             ],
             readings: (0..20).map(reading).collect(),

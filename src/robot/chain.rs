@@ -70,16 +70,22 @@ impl Joint {
         has_several.then(|| f64::midpoint(low, high))
     }
 
+    /// The period of what comes again in each turn (rad), where its range allows more than one.
+    pub fn period(&self) -> Option<f64> {
+        self.turn_about().map(|_| TAU)
+    }
+
     /// The same place (rad; m where it slides) in that turn.
     pub fn in_turn(&self, place: f64) -> f64 {
         nearest_turn(place, self.turn_about())
     }
 }
 
-/// An angle (rad) on the turn that is nearest to some middle, if there is one.
+/// An angle (rad) on the turn about some middle, if there is one, from half a turn below it.
 pub fn nearest_turn(angle: f64, about: Option<f64>) -> f64 {
     about.map_or(angle, |middle| {
-        angle - TAU * ((angle - middle) / TAU).round()
+        let low = middle - 0.5 * TAU;
+        low + (angle - low).rem_euclid(TAU)
     })
 }
 

@@ -104,7 +104,12 @@ impl Circumstances {
         let random = generator(seed, streams::joint_functions(run));
         let numbered = self.functions.iter().enumerate();
         self.sampled_functions = numbered
-            .map(|(number, each)| SampledFunction::new(each.kernel, random.clone(), number))
+            .map(|(number, each)| {
+                let kernel = each
+                    .kernel
+                    .again(self.nominal.chain.joints[each.joint].period());
+                SampledFunction::new(kernel, random.clone(), number)
+            })
             .collect();
     }
 

@@ -441,6 +441,7 @@ fn what_a_slide_errs_by_becomes_an_error_source() {
     let kernel = Kernel {
         correlation: Correlation::Exponential,
         length: 0.05,
+        period: None,
     };
     let rack = SampledFunction::new(kernel, generator(85, 0), 0);
     for each in &mut readings {

@@ -218,6 +218,7 @@ fn drifts(seed: u64, shift_m: f64) -> Vec<Pattern> {
     let kernel = Kernel {
         correlation: Correlation::Matern32,
         length: 0.5,
+        period: None,
     };
     let functions: Vec<_> = (0..6)
         .map(|joint| SampledFunction::new(kernel, generator(73, seed), joint))

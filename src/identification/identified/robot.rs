@@ -1,5 +1,6 @@
 //! A robot from the file of its absolute readings.
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
@@ -351,6 +352,11 @@ fn joint_errors(
                 values == count * kernel.order(),
                 format!("found {values}; there are {count} knots"),
             ),
+            (
+                "knots",
+                error.turn_about.is_none() || knots.iter().all(|knot| knot - knots[0] < TAU),
+                "go over more than a turn".to_owned(),
+            ),
             ("length", kernel.length > 0.0, size(kernel.length)),
             ("deviation", error.deviation >= 0.0, size(error.deviation)),
             (
@@ -375,10 +381,9 @@ fn joint_errors(
         if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
             return Err((format!("joints[{index}].{key}"), problem));
         }
-        joints.extend(joint.map(|joint| JointError {
-            joint,
-            ..error.clone()
-        }));
+        let mut error = error.clone();
+        error.process.kernel.period = error.turn_about.map(|_| TAU);
+        joints.extend(joint.map(|joint| JointError { joint, ..error }));
     }
     Ok(joints)
 }

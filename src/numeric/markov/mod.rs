@@ -9,6 +9,9 @@
 //! everywhere. Both are Markov processes, the first in its value, the second in the state (u, l u'), whose two numbers are independent and
 //! of unit variance. Between two knots a value depends on their states alone, so that the precision of the states at knots is block
 //! tridiagonal, and a value in between is a weighted sum of the two states beside it and a part of its own.
+//!
+//! A process may come again with a period P: then its covariance is the sum over all a - b + m P, over what that is at zero; it is Markov
+//! around the circle, from each knot to the next and from the last to the first.
 
 mod process;
 mod sample;
@@ -24,6 +27,9 @@ pub use sample::{ProcessPoint, SampledFunction, root};
 
 /// So many lengths away nothing is left: exp(-x) is 0.
 const FORGOTTEN: f64 = 1e3;
+
+/// Derivatives by the logarithm of a length are differences over twice this.
+const LOGARITHM: f64 = 1e-5;
 
 /// How smooth a process is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
@@ -54,6 +60,9 @@ pub struct Kernel {
     pub correlation: Correlation,
     /// Its length l.
     pub length: f64,
+    /// Its period P, if it comes again.
+    #[serde(skip)]
+    pub period: Option<f64>,
 }
 
 /// How a state follows from the one before: the second row and column are nothing where a state is a value alone.
@@ -94,7 +103,45 @@ impl Kernel {
         Self {
             correlation,
             length,
+            period: None,
         }
+    }
+
+    /// The same that comes again with a period, or does not.
+    pub const fn again(self, period: Option<f64>) -> Self {
+        Self { period, ..self }
+    }
+
+    /// By what variances of the line are multiplied where the process comes again.
+    fn scale(&self) -> f64 {
+        let Some(period) = self.period else {
+            return 1.0;
+        };
+        (self.images(0.0, period) + self.images(period, period))[(0, 0)].recip()
+    }
+
+    /// The sum of what is kept of a state after so far and after all whole periods more.
+    fn images(&self, apart: f64, period: f64) -> Matrix2<f64> {
+        let [x, step] = [apart, period].map(|each| each / self.length);
+        let (kept, again) = ((-x).exp(), (-step).exp());
+        let rest = -(-step).exp_m1();
+        let sum = kept / rest;
+        match self.correlation {
+            Correlation::Exponential => alone(sum),
+            Correlation::Matern32 => {
+                let moment = kept * (x / rest + step * again / (rest * rest));
+                Matrix2::new(sum + moment, moment, -moment, sum - moment)
+            }
+        }
+    }
+
+    /// The covariance of a state with another so far before it, within a period.
+    fn covariance(&self, apart: f64) -> Matrix2<f64> {
+        let Some(period) = self.period else {
+            return self.step(apart).kept;
+        };
+        let both = self.images(apart, period) + self.images(period - apart, period).transpose();
+        both * self.scale()
     }
 
     /// How many numbers a state has.
@@ -107,6 +154,14 @@ impl Kernel {
 
     /// The correlation of two values so far apart, and its derivative by the logarithm of the length.
     pub fn correlation(&self, apart: f64) -> [f64; 2] {
+        if let Some(period) = self.period {
+            let value = |by: f64| {
+                let length = self.length * by.exp();
+                Self { length, ..*self }.covariance(apart % period)[(0, 0)]
+            };
+            let slope = (value(LOGARITHM) - value(-LOGARITHM)) / (2.0 * LOGARITHM);
+            return [value(0.0), slope];
+        }
         let x = apart / self.length;
         let kept = (-x).exp();
         match self.correlation {

@@ -47,6 +47,8 @@ pub struct KnotBlocks {
     diagonal: Vec<Matrix2<f64>>,
     /// Each above the diagonal.
     beside: Vec<Matrix2<f64>>,
+    /// That of the last knot (rows) and the first.
+    around: Matrix2<f64>,
 }
 
 impl KnotBlocks {
@@ -65,6 +67,7 @@ impl KnotBlocks {
             order,
             diagonal: (0..knots).map(|knot| block(knot, knot)).collect(),
             beside: (1..knots).map(|knot| block(knot - 1, knot)).collect(),
+            around: block(knots - 1, 0),
         }
     }
 
@@ -78,16 +81,24 @@ impl KnotBlocks {
                 matrix[(at + row, at + column)] += block[(row, column)] / variance;
             }
         }
-        for (knot, block) in self.beside.iter().enumerate() {
+        let last = self.diagonal.len() - 1;
+        let beside = self.beside.iter().enumerate();
+        let beside = beside.map(|(knot, block)| (knot, knot + 1, block));
+        for (knot, next, block) in beside.chain([(last, 0, &self.around)]) {
             for (row, column) in entries() {
-                let (at, next) = (
-                    first + order * knot + row,
-                    first + order * (knot + 1) + column,
-                );
+                let (at, next) = (first + order * knot + row, first + order * next + column);
                 matrix[(at, next)] += block[(row, column)] / variance;
                 matrix[(next, at)] += block[(row, column)] / variance;
             }
         }
+    }
+
+    /// Multiplies it.
+    fn scale(&mut self, by: f64) {
+        let blocks = self.diagonal.iter_mut().chain(&mut self.beside);
+        blocks
+            .chain([&mut self.around])
+            .for_each(|block| *block *= by);
     }
 
     /// The sum of the products of its entries with those of another: trace(A B).
@@ -98,7 +109,8 @@ impl KnotBlocks {
                 .map(|(one, other)| one.dot(other))
                 .sum()
         };
-        sum(&self.diagonal, &other.diagonal) + 2.0 * sum(&self.beside, &other.beside)
+        let beside = sum(&self.beside, &other.beside) + self.around.dot(&other.around);
+        sum(&self.diagonal, &other.diagonal) + 2.0 * beside
     }
 }
 
@@ -134,9 +146,14 @@ impl MarkovProcess {
             spare,
             order,
         };
-        let after = self.knots.partition_point(|knot| *knot < at);
         let last = self.knots.len() - 1;
-        if after == 0 || after > last {
+        let at = match kernel.period {
+            Some(period) => self.knots[0] + (at - self.knots[0]).rem_euclid(period),
+            None => at,
+        };
+        let after = self.knots.partition_point(|knot| *knot < at);
+        let is_outside = after == 0 || after > last;
+        if is_outside && kernel.period.is_none() {
             let knot = after.min(last);
             let Transition { kept, added } = if after == 0 {
                 kernel.step_back(self.knots[knot] - at)
@@ -146,12 +163,20 @@ impl MarkovProcess {
             let weights = [kept.row(0).into_owned(), RowVector2::zeros()];
             return between([knot; 2], weights, added[(0, 0)]);
         }
-        let (left, right) = (at - self.knots[after - 1], self.knots[after] - at);
-        let knots = [after - 1, after];
+        let scale = kernel.scale();
+        let (left, right, knots) = if is_outside {
+            // On the way around.
+            let left = (at - self.knots[last]).rem_euclid(kernel.period.unwrap_or(f64::MAX));
+            let whole = kernel.period.unwrap_or(f64::MAX) - (self.knots[last] - self.knots[0]);
+            (left.min(whole), (whole - left).max(0.0), [last, 0])
+        } else {
+            let [before, next] = [after - 1, after].map(|knot| self.knots[knot]);
+            (at - before, next - at, [after - 1, after])
+        };
         if order > 1 {
             let (by, spare) = kernel.bridge(left, right);
             let weights = by.map(|each| each.row(0).into_owned());
-            return between(knots, weights, spare[(0, 0)].max(0.0));
+            return between(knots, weights, scale * spare[(0, 0)].max(0.0));
         }
         // The same as sinh(b / l) / sinh(h / l), which would overflow.
         let step = |distance: f64| (-distance / kernel.length).exp();
@@ -160,7 +185,7 @@ impl MarkovProcess {
         let weights = [(one - other * whole) / norm, (other - one * whole) / norm];
         let explained = weights[0] * one + weights[1] * other;
         let weights = weights.map(|weight| RowVector2::new(weight, 0.0));
-        between(knots, weights, (1.0 - explained).max(0.0))
+        between(knots, weights, scale * (1.0 - explained).max(0.0))
     }
 
     /// How many numbers the states at all knots have.
@@ -178,15 +203,17 @@ impl MarkovProcess {
         let order = self.kernel.order();
         let (first, next) = (one.min(other), one.max(other));
         let apart = self.knots[next / order] - self.knots[first / order];
-        self.kernel.step(apart).kept[(next % order, first % order)]
+        self.kernel.covariance(apart)[(next % order, first % order)]
     }
 
     /// The precision of the states at the knots, and the logarithm of its determinant.
     pub fn precision(&self) -> (KnotBlocks, f64) {
         let order = self.kernel.order();
+        let is_first = |row, column| row == column && row < order && self.kernel.period.is_none();
         let mut precision = KnotBlocks::of(order, self.knots.len(), |row, column| {
-            f64::from(u8::from(row == column && row < order))
+            f64::from(u8::from(is_first(row, column)))
         });
+        precision.around.fill(0.0);
         let mut logarithm = 0.0;
         for (place, pair) in self.knots.windows(2).enumerate() {
             let ([before, across, after], own) = self.kernel.tie(pair[1] - pair[0]);
@@ -194,6 +221,22 @@ impl MarkovProcess {
             precision.diagonal[place + 1] += after;
             precision.beside[place] = across;
             logarithm += own;
+        }
+        if let Some(period) = self.kernel.period {
+            let (last, [low, high]) = (self.knots.len() - 1, self.range());
+            let ([before, across, after], own) = self.kernel.tie(period - (high - low));
+            precision.diagonal[last] += before;
+            precision.diagonal[0] += after;
+            precision.around = across;
+            let kept = self.kernel.step(period).kept;
+            let left = if order > 1 {
+                (Matrix2::identity() - kept).determinant()
+            } else {
+                1.0 - kept[(0, 0)]
+            };
+            let scale = self.kernel.scale();
+            precision.scale(scale.recip());
+            logarithm += own + 2.0 * left.ln() - self.states() as f64 * scale.ln();
         }
         (precision, logarithm)
     }

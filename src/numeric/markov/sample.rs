@@ -1,6 +1,6 @@
 //! Samples of processes, and what follows these at any places.
 
-use nalgebra::{DMatrix, Matrix2xX, RowVector2, Vector2};
+use nalgebra::{DMatrix, Matrix2xX, RowVector2, SymmetricEigen, Vector2};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
@@ -31,6 +31,14 @@ impl ProcessPoint {
 
 /// How standard normal numbers make the values at n places (n x n, or n x 2 n).
 pub fn root(places: &[f64], kernel: Kernel) -> DMatrix<f64> {
+    if kernel.period.is_some() {
+        let correlation = DMatrix::from_fn(places.len(), places.len(), |one, other| {
+            kernel.correlation((places[one] - places[other]).abs())[0]
+        });
+        let eigen = SymmetricEigen::new(correlation);
+        let roots = eigen.eigenvalues.map(|each| each.max(0.0).sqrt());
+        return eigen.eigenvectors * DMatrix::from_diagonal(&roots);
+    }
     let mut order: Vec<usize> = (0..places.len()).collect();
     order.sort_by(|&one, &other| places[one].total_cmp(&places[other]).then(one.cmp(&other)));
     let numbers = kernel.order();
@@ -89,20 +97,33 @@ impl SampledFunction {
 
     /// Its value at a place.
     pub fn at(&self, place: f64) -> f64 {
-        let mut ends = [-HALF_RANGE, HALF_RANGE];
-        let Transition { kept, added } = self.kernel.step(2.0 * HALF_RANGE);
+        let kernel = self.kernel;
+        let (place, half, scale) = match kernel.period {
+            Some(period) => {
+                let place = place.rem_euclid(period) - 0.5 * period;
+                (place, 0.5 * period, kernel.scale().sqrt())
+            }
+            None => (place, HALF_RANGE, 1.0),
+        };
+        let mut ends = [-half, half];
         let first = self.normals(0);
-        let mut states = [first, kept * first + lower_root(&added) * self.normals(1)];
+        let mut states = if kernel.period.is_some() {
+            // Around a circle both ends are one.
+            [lower_root(&kernel.covariance(0.0)) * first; 2]
+        } else {
+            let Transition { kept, added } = kernel.step(2.0 * half);
+            [first, kept * first + lower_root(&added) * self.normals(1)]
+        };
         let mut node = 2;
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(ends[0], ends[1]);
-            let [by, own] = self.kernel.middle(0.5 * (ends[1] - ends[0]));
+            let [by, own] = kernel.middle(0.5 * (ends[1] - ends[0]));
             let (sum, difference) = (states[0] + states[1], states[0] - states[1]);
             let mean = Vector2::new(
                 by.row(0).dot(&RowVector2::new(sum.x, difference.y)),
                 by.row(1).dot(&RowVector2::new(difference.x, sum.y)),
             );
-            let state = mean + own * self.normals(node);
+            let state = mean + own * self.normals(node) * scale;
             let side = usize::from(place < middle);
             (ends[side], states[side]) = (middle, state);
             node = 2 * node + side as u64;

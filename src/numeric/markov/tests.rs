@@ -9,23 +9,46 @@ fn kernels() -> [Kernel; 2] {
     Correlation::ALL.map(|correlation| Kernel {
         correlation,
         length: LENGTH,
+        period: None,
     })
 }
 
-fn processes() -> [MarkovProcess; 2] {
-    kernels().map(|kernel| MarkovProcess {
-        knots: vec![-1.0, -0.7, 0.1, 0.2, 2.0],
-        kernel,
-    })
+/// Those and the same around a circle, short beside it and not.
+fn all_kernels() -> Vec<Kernel> {
+    let around = [4.0, 20.0].map(|period| kernels().map(|each| each.again(Some(period))));
+    [kernels()].into_iter().chain(around).flatten().collect()
+}
+
+fn processes() -> Vec<MarkovProcess> {
+    let of = |knots: &[f64]| {
+        let knots = knots.to_vec();
+        let all = all_kernels().into_iter();
+        all.map(move |kernel| MarkovProcess {
+            knots: knots.clone(),
+            kernel,
+        })
+    };
+    let all = of(&[-1.0, -0.7, 0.1, 0.2, 2.0]).chain(of(&[-1.0, 0.5]));
+    all.chain(of(&[0.3])).collect()
 }
 
 /// The covariance of values, said once more.
 fn expected(kernel: Kernel, one: f64, other: f64) -> f64 {
-    let x = (one - other).abs() / LENGTH;
-    match kernel.correlation {
-        Correlation::Exponential => (-x).exp(),
-        Correlation::Matern32 => (1.0 + x) * (-x).exp(),
-    }
+    let line = |apart: f64| {
+        let x = apart.abs() / LENGTH;
+        match kernel.correlation {
+            Correlation::Exponential => (-x).exp(),
+            Correlation::Matern32 => (1.0 + x) * (-x).exp(),
+        }
+    };
+    let Some(period) = kernel.period else {
+        return line(one - other);
+    };
+    let around = |apart: f64| -> f64 {
+        let turns = (-40..=40).map(|turn| line(apart + period * f64::from(turn)));
+        turns.sum()
+    };
+    around(one - other) / around(0.0)
 }
 
 /// The covariance of l u' at one place with u at another.
@@ -90,7 +113,7 @@ fn values_between_knots_follow_from_the_two_beside_them() {
 fn sampled_functions_are_the_process() {
     let places = [0.3, -0.2, 0.0, 0.300_001, -6.1];
     let count = 20_000;
-    for kernel in kernels() {
+    for kernel in all_kernels() {
         let (mut slope, mut products) = (0.0, DMatrix::zeros(5, 5));
         for run in 0..count {
             let random = generator(5, run);
@@ -131,7 +154,7 @@ fn knots_stand_where_values_are() {
 #[test]
 fn roots_are_those_of_the_covariance() {
     let places = [0.3, -0.2, 0.0, 0.3, 1.7, 0.3 + 1e-9];
-    for kernel in kernels() {
+    for kernel in all_kernels() {
         let root = root(&places, kernel);
         let found = &root * root.transpose();
         for (row, one) in places.iter().enumerate() {
@@ -146,7 +169,7 @@ fn roots_are_those_of_the_covariance() {
 /// What a length changes is the derivative.
 #[test]
 fn derivatives_by_lengths_are_derivatives() {
-    for kernel in kernels() {
+    for kernel in all_kernels() {
         for apart in [0.0, 0.1, 1.3] {
             let longer = |by: f64| {
                 let length = LENGTH * f64::exp(by);

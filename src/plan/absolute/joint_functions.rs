@@ -85,7 +85,9 @@ impl RobotFunctions {
             }));
         }
         Self {
-            kernels: each.iter().map(|each| each.kernel).collect(),
+            kernels: (each.iter())
+                .map(|each| each.kernel.again(joints[each.joint].period()))
+                .collect(),
             candidates,
             poses,
         }

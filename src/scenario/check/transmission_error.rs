@@ -40,6 +40,7 @@ impl UncertaintyEntry<'_> {
         let kernel = length.map(|length| Kernel {
             correlation,
             length: length * unit,
+            period: None,
         });
         let deviations = if kernel.is_some() {
             let size = if slides { "std_mm" } else { "std_mrad" };

@@ -118,13 +118,12 @@ impl MixedModel {
             let mut angles = self.angles(place);
             angles.sort_by(f64::total_cmp);
             angles.dedup_by(|one, other| *one - *other < SAME_RAD);
+            if angles.len() > EXACT.max(most) {
+                angles = knots_among(&angles, most);
+            }
             MarkovProcess {
-                knots: if angles.len() <= EXACT.max(most) {
-                    angles
-                } else {
-                    knots_among(&angles, most)
-                },
-                kernel: function.kernel,
+                knots: self.distinct(place, angles),
+                kernel: function.kernel.again(self.period(place)),
             }
         };
         let functions = known.functions.iter();

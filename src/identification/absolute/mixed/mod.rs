@@ -18,6 +18,8 @@ mod pose_readings;
 mod prediction;
 mod standard_errors;
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion, stack};
 use rayon::prelude::*;
 
@@ -56,6 +58,8 @@ const LARGEST_WAVES: f64 = 4.0;
 /// Pieces of sums, so that bits do not depend on threads, and the fewest visits of one.
 const PIECES: usize = 8;
 const LEAST_PIECE: usize = 64;
+/// Knots around a turn are no nearer (rad).
+const SAME: f64 = 1e-3;
 /// With fewer poses that are visited again, nothing is told apart that visits share.
 const FEWEST_AGAIN: usize = 5;
 
@@ -340,9 +344,10 @@ impl MixedModel {
         let count = (self.visits.len() / VISITS_PER_KNOT).clamp(2, self.most_knots);
         let process: Vec<MarkovProcess> = (0..self.joints.len())
             .map(|joint| {
-                let knots = knots_among(&self.angles(joint), count);
+                let knots = self.distinct(joint, knots_among(&self.angles(joint), count));
                 MarkovProcess {
-                    kernel: Kernel::exponential(MarkovProcess::longest(&knots)),
+                    kernel: Kernel::exponential(MarkovProcess::longest(&knots))
+                        .again(self.period(joint)),
                     knots,
                 }
             })
@@ -426,7 +431,8 @@ impl MixedModel {
             };
             let mut variances = variances.clone();
             for (joint, process) in variances.process.iter_mut().enumerate() {
-                process.knots = knots_among(&others.angles(joint), process.knots.len());
+                let knots = knots_among(&others.angles(joint), process.knots.len());
+                process.knots = self.distinct(joint, knots);
             }
             Some(others.model(&variances, &others.solved(&variances)?))
         };
@@ -440,6 +446,21 @@ impl MixedModel {
     /// The same without readings.
     fn emptied(&self) -> Self {
         self.of_visits(|_| false)
+    }
+
+    /// Knots of a joint, the last of which is not the first again.
+    fn distinct(&self, joint: usize, mut knots: Vec<f64>) -> Vec<f64> {
+        while let (Some(period), [first, .., last]) = (self.period(joint), &*knots)
+            && first + period - last < SAME
+        {
+            knots.pop();
+        }
+        knots
+    }
+
+    /// The period of a joint's error.
+    fn period(&self, joint: usize) -> Option<f64> {
+        self.turn_about[joint].map(|_| TAU)
     }
 
     fn angles(&self, joint: usize) -> Vec<f64> {
