@@ -89,6 +89,7 @@ fn with_functions(correlation: Correlation, seed: u64, readings: usize) -> Vec<A
     let kernel = Kernel {
         correlation,
         length: FUNCTION.1,
+        period: None,
     };
     let functions =
         [0, 1, 2, 3, 4, 5].map(|each| SampledFunction::new(kernel, generator(seed, 1), each));

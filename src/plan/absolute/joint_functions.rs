@@ -16,6 +16,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, SymmetricEigen};
 use super::predicted_accuracy::{PlaceRows, PredictedAccuracy, known_after, stacked_task};
 use super::{AbsolutePlanning, RepeatedReading};
 use crate::identification::AbsoluteCase;
+use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Kernel, ProcessPoint, root};
 use crate::observation::{BareArm, ReadingErrors, planned_rows};
 use crate::parameter::{JointFunction, ReadingSource, relative_precision};
@@ -303,7 +304,7 @@ fn inverse_among(covariance: &DMatrix<f64>, kept: &[usize]) -> DMatrix<f64> {
     });
     let mut precision = DMatrix::zeros(covariance.nrows(), covariance.ncols());
     if let Some(factor) = Cholesky::new(among) {
-        let inverse = factor.inverse();
+        let inverse = inverse_of(&factor);
         for (row, &to_row) in kept.iter().enumerate() {
             for (column, &to_column) in kept.iter().enumerate() {
                 precision[(to_row, to_column)] = inverse[(row, column)];
