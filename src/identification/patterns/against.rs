@@ -16,6 +16,17 @@ pub enum Course {
     Temperature,
 }
 
+impl Course {
+    /// What it is, and the unit of its numbers.
+    const fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Order => ("the order of the readings", "reading"),
+            Self::Time => ("time", "s"),
+            Self::Temperature => ("temperature", "deg C"),
+        }
+    }
+}
+
 /// What drifts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drifting {
@@ -275,11 +286,7 @@ impl LookedAt {
                 (words, "play, friction or hysteresis", [rad, "sign"])
             }
             Against::Course(course, drifting) => {
-                let (with, at) = match course {
-                    Course::Order => ("the order of the readings", "reading"),
-                    Course::Time => ("time", "s"),
-                    Course::Temperature => ("temperature", "deg C"),
-                };
+                let (with, at) = course.words();
                 let (does, cause, unit) = match drifting {
                     Drifting::Base => (
                         format!(
