@@ -28,9 +28,6 @@ pub use sample::{ProcessPoint, SampledFunction, root};
 /// So many lengths away nothing is left: exp(-x) is 0.
 const FORGOTTEN: f64 = 1e3;
 
-/// Derivatives by the logarithm of a length are differences over twice this.
-const LOGARITHM: f64 = 1e-5;
-
 /// How smooth a process is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
@@ -114,24 +111,40 @@ impl Kernel {
 
     /// By what variances of the line are multiplied where the process comes again.
     fn scale(&self) -> f64 {
-        let Some(period) = self.period else {
-            return 1.0;
-        };
-        (self.images(0.0, period) + self.images(period, period))[(0, 0)].recip()
+        let around = |period| self.around(0.0, period)[0].recip();
+        self.period.map_or(1.0, around)
+    }
+
+    /// The sums of exp(-x), x exp(-x) and x^2 exp(-x) over a distance and all that are whole periods longer.
+    fn sums(&self, apart: f64, period: f64) -> [f64; 3] {
+        let [x, step] = [apart, period].map(|each| each / self.length);
+        let (kept, again) = ((-x).exp(), (-step).exp());
+        let rest = -(-step).exp_m1();
+        let more = step * again / rest;
+        [
+            kept / rest,
+            kept * (x + more) / rest,
+            kept * (x * x + 2.0 * x * more + step * step * again * (1.0 + again) / (rest * rest))
+                / rest,
+        ]
+    }
+
+    /// The covariance of values so far apart on the line, summed over all periods, and its derivative by the logarithm of the length.
+    fn around(&self, apart: f64, period: f64) -> [f64; 2] {
+        let [one, other] = [apart, period - apart].map(|apart| self.sums(apart, period));
+        let [plain, first, second]: [f64; 3] = std::array::from_fn(|each| one[each] + other[each]);
+        match self.correlation {
+            Correlation::Exponential => [plain, first],
+            Correlation::Matern32 => [plain + first, second],
+        }
     }
 
     /// The sum of what is kept of a state after so far and after all whole periods more.
     fn images(&self, apart: f64, period: f64) -> Matrix2<f64> {
-        let [x, step] = [apart, period].map(|each| each / self.length);
-        let (kept, again) = ((-x).exp(), (-step).exp());
-        let rest = -(-step).exp_m1();
-        let sum = kept / rest;
+        let [sum, moment, _] = self.sums(apart, period);
         match self.correlation {
             Correlation::Exponential => alone(sum),
-            Correlation::Matern32 => {
-                let moment = kept * (x / rest + step * again / (rest * rest));
-                Matrix2::new(sum + moment, moment, -moment, sum - moment)
-            }
+            Correlation::Matern32 => Matrix2::new(sum + moment, moment, -moment, sum - moment),
         }
     }
 
@@ -155,12 +168,9 @@ impl Kernel {
     /// The correlation of two values so far apart, and its derivative by the logarithm of the length.
     pub fn correlation(&self, apart: f64) -> [f64; 2] {
         if let Some(period) = self.period {
-            let value = |by: f64| {
-                let length = self.length * by.exp();
-                Self { length, ..*self }.covariance(apart % period)[(0, 0)]
-            };
-            let slope = (value(LOGARITHM) - value(-LOGARITHM)) / (2.0 * LOGARITHM);
-            return [value(0.0), slope];
+            let [[own, by], [whole, of_whole]] =
+                [apart % period, 0.0].map(|apart| self.around(apart, period));
+            return [own / whole, (by - own * of_whole / whole) / whole];
         }
         let x = apart / self.length;
         let kept = (-x).exp();

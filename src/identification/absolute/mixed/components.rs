@@ -238,13 +238,18 @@ impl MixedModel {
         for (joint, process) in variances.process.iter().enumerate() {
             let moved = each(&|visit| visit.joints.columns(joint, 1).into_owned());
             let angle = |visit: usize| self.visits[visit].angles[joint];
-            let [by_size, by_length] = [0, 1].map(|which| {
-                let shared = DMatrix::from_fn(moved.ncols(), moved.ncols(), |one, other| {
+            let mut shared = [(); 2].map(|()| DMatrix::zeros(moved.ncols(), moved.ncols()));
+            for one in 0..moved.ncols() {
+                for other in 0..=one {
                     let apart = (angle(one) - angle(other)).abs();
-                    variances.all[2 + joint] * process.kernel.correlation(apart)[which]
-                });
-                &moved * (shared * moved.transpose())
-            });
+                    let both = process.kernel.correlation(apart);
+                    for (shared, value) in shared.iter_mut().zip(both) {
+                        shared[(one, other)] = variances.all[2 + joint] * value;
+                        shared[(other, one)] = shared[(one, other)];
+                    }
+                }
+            }
+            let [by_size, by_length] = shared.map(|shared| &moved * (shared * moved.transpose()));
             changes[2 + joint] = by_size;
             changes.push(by_length);
         }
