@@ -136,8 +136,8 @@ pub fn plot_looks_well(svg: &Path) {
     let page = svg.with_extension("html");
     let drawing = std::fs::read_to_string(svg).expect("it is there");
     let html = format!(
-        "<!DOCTYPE html><html lang='en'><head><title>plot</title><meta name='viewport' content='width=device-width'><link rel='icon' href='data:,'><style>:root {{ color-scheme: light dark }} svg {{ width: 100%; \
-         height: auto }}</style></head><body style='margin: 0; color-scheme: light dark; background: light-dark(#fff, #171c22)'><div aria-label='plot'>{drawing}</div></body></html>"
+        "<!DOCTYPE html><html lang='en'><head><title>plot</title><meta name='viewport' content='width=device-width'><link rel='icon' href='data:,'><style>svg {{ width: 100%; height: auto }} \
+         body {{ margin: 0; background: #fff }} @media screen and (prefers-color-scheme: dark) {{ body {{ background: #171c22 }} }}</style></head><body><div aria-label='plot'>{drawing}</div></body></html>"
     );
     std::fs::write(&page, html).expect("it can be written");
     looks_well(&page, 1);
