@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ParameterKind, SourceLevel};
 use crate::numeric::markov::Kernel;
-use crate::robot::Load;
+use crate::robot::{Load, SerialChain};
 
 /// The distribution from which a standard uncertainty was evaluated (GUM 4.3). Errors are sampled from normal ones of that
 /// standard uncertainty.
@@ -147,6 +147,13 @@ pub struct JointFunction {
     pub kernel: Kernel,
     /// How well the joint returns: the standard deviation of what is new at each visit (rad).
     pub repeatability_rad: f64,
+}
+
+impl JointFunction {
+    /// Its correlation on an arm, from turn to turn where the joint has several.
+    pub fn kernel_on(&self, chain: &SerialChain) -> Kernel {
+        self.kernel.again(chain.joints[self.joint].period())
+    }
 }
 
 impl TransmissionError {

@@ -105,9 +105,7 @@ impl Circumstances {
         let numbered = self.functions.iter().enumerate();
         self.sampled_functions = numbered
             .map(|(number, each)| {
-                let kernel = each
-                    .kernel
-                    .again(self.nominal.chain.joints[each.joint].period());
+                let kernel = each.kernel_on(&self.nominal.chain);
                 SampledFunction::new(kernel, random.clone(), number)
             })
             .collect();

@@ -12,12 +12,12 @@ use super::{
     ReadingWeights,
 };
 use crate::numeric::correlated::{CorrelatedList, CorrelatedReading};
-use crate::numeric::markov::{Kernel, ProcessPoint, SampledFunction};
+use crate::numeric::markov::{ProcessPoint, SampledFunction};
 use crate::observation::{
     Observation, ObservationModel, ReadLength, Reading, SharingReadings,
     planned_information_of_groups, planned_positions,
 };
-use crate::parameter::{JointFunction, ParameterSet, relative_precision};
+use crate::parameter::{ParameterSet, relative_precision};
 use crate::robot::EquilibriumError;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
@@ -210,7 +210,7 @@ impl PartsOfReadings<'_> {
         }
         Ok(CorrelatedList {
             kernels: (self.known.functions.iter())
-                .map(|each| self.kernel(each))
+                .map(|each| each.kernel_on(&self.case.arm.chain))
                 .collect(),
             most: vec![1; self.together.len()],
             known: 0,
@@ -301,12 +301,6 @@ impl PartsOfReadings<'_> {
         })
     }
 
-    /// How a joint's function is correlated, from turn to turn, too.
-    fn kernel(&self, function: &JointFunction) -> Kernel {
-        let joint = &self.case.arm.chain.joints[function.joint];
-        function.kernel.again(joint.period())
-    }
-
     /// The readings of a robot that is exactly as all readings together say but for joint error functions, which are sampled anew, with
     /// errors that are normal and as large as the weights say, shared ones among them.
     ///
@@ -327,7 +321,11 @@ impl PartsOfReadings<'_> {
         let functions = random.clone();
         for (number, function) in self.known.functions.iter().enumerate() {
             let joint = function.joint;
-            let sample = SampledFunction::new(self.kernel(function), functions.clone(), 1 + number);
+            let sample = SampledFunction::new(
+                function.kernel_on(&self.case.arm.chain),
+                functions.clone(),
+                1 + number,
+            );
             for visit in &self.case.visits {
                 let new: f64 = StandardNormal.sample(random);
                 for &place in visit {

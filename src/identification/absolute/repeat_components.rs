@@ -35,7 +35,7 @@ const SHOWN: f64 = 1e-3;
 /// A variance that is known so many times worse beside the others than by itself is not told from them.
 const INFLATED: f64 = 100.0;
 /// 95 % of normal numbers lie within so many standard deviations.
-const WITHIN_95: f64 = 1.96;
+pub(super) const WITHIN_95: f64 = 1.96;
 
 /// A variance component of repeats: how joints return whose variances cannot be told apart, one alone where they can, or readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]

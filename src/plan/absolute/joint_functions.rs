@@ -87,7 +87,7 @@ impl RobotFunctions {
         }
         Self {
             kernels: (each.iter())
-                .map(|each| each.kernel.again(joints[each.joint].period()))
+                .map(|each| each.kernel_on(&nominal.chain))
                 .collect(),
             candidates,
             poses,

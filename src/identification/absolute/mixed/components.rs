@@ -13,6 +13,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::repeat_components::WITHIN_95;
 use super::{
     ComponentIntervals, LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents,
 };
@@ -33,8 +34,6 @@ const DAMPED: [f64; 2] = [0.25, 8.0];
 /// A logarithm that is nearer to the edge of what is looked for is at it, and an interval that reaches further says nothing.
 const EDGE: f64 = 1e-3;
 const MOST_REACH: f64 = 7.0;
-/// 95 % of normal numbers lie within so many standard deviations.
-const WITHIN_95: f64 = 1.96;
 
 /// What readings say of the logarithms of variances and lengths.
 struct PartsTold {
