@@ -15,7 +15,7 @@ use serde::Serialize;
 use crate::codes::ErrorCode;
 use crate::files::FileError;
 use crate::gate::{Decision, Direction, Quantity, Tolerance};
-use crate::study::summary::TWO_SIDED_95;
+use crate::numeric::quantile::TWO_SIDED_95;
 use results::{Answer, Key, ResultNumber, ResultsFile};
 
 /// In what results can differ that makes them answers to different questions.

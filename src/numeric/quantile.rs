@@ -3,6 +3,9 @@
 
 use statrs::distribution::ContinuousCDF;
 
+/// The half width of the interval that holds 95 % of normal numbers, in standard deviations.
+pub const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
+
 /// The value of a positive quantity that is exceeded with a probability; infinite where there is none.
 pub fn exceeded_with(law: &impl ContinuousCDF<f64, f64>, probability: f64) -> f64 {
     let mut high = 1.0;

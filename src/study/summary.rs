@@ -1,9 +1,7 @@
 //! What a tally says: means with intervals, quantiles, and checks against what was predicted.
 
 use super::tally::{Sum, Tally};
-
-/// The half width of a 95 % interval in standard errors.
-pub(crate) const TWO_SIDED_95: f64 = 1.959_963_984_540_054;
+use crate::numeric::quantile::TWO_SIDED_95;
 
 /// A number with its standard error.
 #[derive(Debug, Clone, Copy, PartialEq)]

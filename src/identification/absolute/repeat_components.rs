@@ -22,6 +22,7 @@ use super::mixed::in_blocks;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
 use crate::experiment::together;
+use crate::numeric::quantile::TWO_SIDED_95;
 use crate::numeric::tolerance::pose_repeatability;
 use crate::quantities::written::from_one;
 
@@ -34,8 +35,6 @@ const NUMBERS_PER_VARIANCE: f64 = 4.0;
 const SHOWN: f64 = 1e-3;
 /// A variance that is known so many times worse beside the others than by itself is not told from them.
 const INFLATED: f64 = 100.0;
-/// 95 % of normal numbers lie within so many standard deviations.
-pub(super) const WITHIN_95: f64 = 1.96;
 
 /// A variance component of repeats: how joints return whose variances cannot be told apart, one alone where they can, or readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -401,7 +400,7 @@ impl AllContrasts {
 /// The interval of 95 % of a standard deviation, by its square v, the variance of that, and the degrees of freedom that v would have if there
 /// were nothing else: chi-square then, and normal in what else it is told from (modified large samples, Graybill and Wang 1980).
 fn interval95(variance: f64, spread: f64, alone: f64) -> [f64; 2] {
-    let beside = WITHIN_95.powi(2) * (spread - 2.0 * variance * variance / alone).max(0.0);
+    let beside = TWO_SIDED_95.powi(2) * (spread - 2.0 * variance * variance / alone).max(0.0);
     let law = ChiSquared::new(alone);
     let own = |share: f64| {
         let factor = (law.as_ref()).map_or(f64::INFINITY, |law| alone / law.inverse_cdf(share));

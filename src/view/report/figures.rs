@@ -1,5 +1,6 @@
 //! The figures of a calibration's report.
 
+use crate::numeric::quantile::TWO_SIDED_95;
 use crate::plan::search::BudgetPoint;
 use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::CalibrationMessage;
@@ -10,8 +11,6 @@ use crate::view::charts::{
 
 /// At so many test poses at most each has its number under the figure.
 const MOST_TICKS: usize = 36;
-/// The half width of a 95 % interval of a standard normal.
-const NORMAL_95: f64 = 1.96;
 /// Name, colour, mark (the colour is not all that tells them apart) and shift from the measurement's place of each coordinate, and of
 /// what a gauge reads along its direction.
 const AXES: [(&str, &str, Mark, f64); 4] = [
@@ -114,7 +113,7 @@ pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> String {
     let all = standardised.iter().flatten().flatten();
     let high = all.map(|value| value.abs()).fold(2.6, f64::max) * 1.12;
     let x = 0.5..standardised.len() as f64 + 0.5;
-    let [low_95, high_95] = [-NORMAL_95, NORMAL_95].map(|y| [(x.start, y), (x.end, y)]);
+    let [low_95, high_95] = [-TWO_SIDED_95, TWO_SIDED_95].map(|y| [(x.start, y), (x.end, y)]);
     let band = low_95.into_iter().chain(high_95.into_iter().rev());
     let nought = [(x.start, 0.0), (x.end, 0.0)];
     let mut series = vec![

@@ -13,12 +13,12 @@
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::super::repeat_components::WITHIN_95;
 use super::{
     ComponentIntervals, LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents,
 };
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Correlation, FIRST_LENGTH};
+use crate::numeric::quantile::TWO_SIDED_95;
 use crate::numeric::tolerance::ends;
 use crate::parameter::JointFunction;
 
@@ -204,7 +204,8 @@ impl MixedModel {
         if let Some(factor) = Cholesky::new(curvature) {
             for (&place, variance) in inner.iter().zip(&inverse_of(&factor).diagonal()) {
                 let whole = variance + again * of_course(place);
-                reach[place] = Some(WITHIN_95 * whole.sqrt()).filter(|reach| *reach < MOST_REACH);
+                reach[place] =
+                    Some(TWO_SIDED_95 * whole.sqrt()).filter(|reach| *reach < MOST_REACH);
             }
         }
         Some(LikeliestVariances {
