@@ -8,7 +8,7 @@ use crate::plan::absolute::AbsolutePlanError;
 use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
 use crate::quantities::plausible::ACCURACY;
 use crate::record::messages::ProvenanceMessage;
-use crate::view::plots::budget_plot;
+use crate::view::plots::BudgetPlot;
 
 use super::command_prelude::*;
 use super::interruption::STOP;
@@ -48,29 +48,41 @@ struct Searched {
     /// The cheapest way to the accuracy that is wanted, with the minutes that it takes; these are none where no way between its
     /// experiments is found.
     needed: Option<(BudgetPoint, Option<f64>)>,
+    /// The minutes that each of the points takes, where they are drawn by these.
+    minutes: Option<Vec<Option<f64>>>,
     /// What is said of the bound and of candidates.
     report: Report,
 }
 
 impl Budget {
-    /// The cheapest way to the accuracy that is wanted, by the minutes that plans take at least and, where a way is found, in all.
-    fn needed(
+    /// What was searched, with the cheapest way to the accuracy that is wanted, by the minutes that plans take at least and, where a way is
+    /// found, in all.
+    fn searched(
         &self,
-        points: &[BudgetPoint],
+        points: Vec<BudgetPoint>,
+        report: Report,
         at_least: impl Fn(&BudgetPoint) -> f64,
         minutes: impl Fn(&BudgetPoint) -> Option<f64>,
-    ) -> Option<(BudgetPoint, Option<f64>)> {
+    ) -> Searched {
         let accuracy_m = self.accuracy_um * 1e-6;
         let enough = points.iter().filter(|point| point.rho0_m <= accuracy_m);
         let enough = enough.map(|point| (at_least(point), point));
-        if self.by_minutes
-            && let Some((minutes, point)) = quickest(enough, |point| minutes(point))
-        {
-            return Some((point.clone(), Some(minutes)));
+        let quickest = (self.by_minutes)
+            .then(|| quickest(enough, |point| minutes(point)))
+            .flatten()
+            .map(|(minutes, point)| (point.clone(), Some(minutes)));
+        let needed = quickest.or_else(|| {
+            let point = cheapest(&points, accuracy_m)?;
+            let minutes = minutes(&point);
+            Some((point, minutes))
+        });
+        let is_drawn = self.by_minutes && self.plot_out.is_some();
+        Searched {
+            needed,
+            minutes: is_drawn.then(|| points.iter().map(minutes).collect()),
+            report,
+            points,
         }
-        let point = cheapest(points, accuracy_m)?;
-        let minutes = minutes(&point);
-        Some((point, minutes))
     }
 
     /// The cheapest way for a person.
@@ -122,11 +134,7 @@ impl Budget {
         let mut report = Report::default();
         (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), &mut report)?;
         report.json = json!({ "proof": proof_json(&bound) });
-        Ok(Searched {
-            needed: self.needed(&points, at_least, minutes),
-            report,
-            points,
-        })
+        Ok(self.searched(points, report, at_least, minutes))
     }
 
     /// Of absolute readings.
@@ -159,15 +167,12 @@ impl Budget {
         };
         let points: Vec<BudgetPoint> = found.iter().map(|(point, _)| point.clone()).collect();
         let (offer, drawn) = (&planning.offer, wanted.drawn(seed));
-        Ok(Searched {
-            needed: self.needed(&points, at_least, minutes),
-            report: Report::new(
-                json!({ "proof": null, "candidates": offer, "drawn": drawn }),
-                offered(drawn, self.readings.candidates.as_deref(), offer),
-                Vec::new(),
-            ),
-            points,
-        })
+        let report = Report::new(
+            json!({ "proof": null, "candidates": offer, "drawn": drawn }),
+            offered(drawn, self.readings.candidates.as_deref(), offer),
+            Vec::new(),
+        );
+        Ok(self.searched(points, report, at_least, minutes))
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {
@@ -191,9 +196,14 @@ impl Budget {
             report.text += &self.tell(point, *minutes, accuracy);
         }
         if let Some(path) = &self.plot_out {
-            let title = format!("{}: accuracy against measurements", scenario.name);
-            let needed = found.needed.as_ref().map(|(point, _)| point);
-            let plot = budget_plot(&title, points, self.accuracy_um * 1e-6, needed);
+            let plot = BudgetPlot {
+                points,
+                minutes: found.minutes.as_deref(),
+                wanted_m: self.accuracy_um * 1e-6,
+                needed: found.needed.as_ref().map(|(point, _)| point),
+            };
+            let against = ["measurements", "time"][usize::from(self.by_minutes)];
+            let plot = plot.drawn(&format!("{}: accuracy against {against}", scenario.name));
             report.save(path, &plot);
         }
         let needed = found.needed.as_ref();

@@ -134,6 +134,38 @@ pub struct HistogramMessage {
     pub counts: Vec<u64>,
 }
 
+impl HistogramMessage {
+    /// Low and high end (mm) of bins as wide as so few runs need, and the share of the runs in each for a unit of the distance's decimal
+    /// logarithm. Scott's rule on the logarithm: `3.49 s n^(-1/3)`.
+    pub fn densities(&self) -> Vec<[f64; 3]> {
+        let bins = self.counts.len();
+        let runs = self.counts.iter().sum::<u64>() as f64;
+        let place = |index: usize| self.edges_mm[index].log10();
+        let middle = |index: usize| f64::midpoint(place(index), place(index + 1));
+        let moment = |of: &dyn Fn(f64) -> f64| {
+            let counts = self.counts.iter().enumerate();
+            counts
+                .map(|(index, count)| *count as f64 * of(middle(index)))
+                .sum::<f64>()
+                / runs
+        };
+        let mean = moment(&|value| value);
+        let deviation = moment(&|value| (value - mean).powi(2)).sqrt();
+        let fewest =
+            |width: f64| (1..=bins).find(|&parts| place(bins) - place(0) <= width * parts as f64);
+        let parts = fewest(3.49 * deviation / runs.cbrt()).unwrap_or(bins);
+        let ends = (0..=parts)
+            .map(|part| part * bins / parts.max(1))
+            .collect::<Vec<_>>();
+        let density = |pair: &[usize]| {
+            let count: u64 = self.counts[pair[0]..pair[1]].iter().sum();
+            let share = count as f64 / runs / (place(pair[1]) - place(pair[0]));
+            [self.edges_mm[pair[0]], self.edges_mm[pair[1]], share]
+        };
+        ends.windows(2).map(density).collect()
+    }
+}
+
 impl StudyPlanMessage {
     /// The record of a plan's tally, whose distances are in units of the conditions' sigma, beside that of the plan that it is compared
     /// with.

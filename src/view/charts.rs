@@ -1,15 +1,19 @@
 //! What the figures are made of: series over two axes, as SVG that fits any width and takes the colours of its page.
 
-use std::fmt::Write;
-use std::ops::Range;
+mod axis;
+mod series;
 
-use crate::numeric::tolerance::ends;
-use crate::text::wording::{listed, shortened};
+use std::fmt::Write;
+
+use crate::text::wording::shortened;
 use crate::view::markup::escaped;
+
+pub use axis::{ChartAxis, reach};
+pub use series::{COLOURS, GRID, INK, Mark, SOFT, Series, plan_colours};
 
 /// The width of a figure that takes half a page, and of one that takes the whole page (in units of the drawing).
 pub const HALF: f64 = 960.0;
-pub const WHOLE: f64 = 1500.0;
+pub const WHOLE: f64 = 1300.0;
 /// The height of a figure that is no chart of rows, of a row, and of the axis below the rows.
 const HEIGHT: f64 = 620.0;
 const ROW: f64 = 74.0;
@@ -18,28 +22,16 @@ const AXIS: f64 = 88.0;
 const TEXT: f64 = 23.0;
 const LETTER: f64 = 14.5;
 const LINE: f64 = 46.0;
-/// The space around a drawing, and the height of its title.
+/// The space around a drawing, the height of its title, and the room of a mark in the legend.
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 50.0;
-/// Where a logarithmic axis of numbers of measurements has numbers, as far as they are whole.
-const COUNTS: [f64; 9] = [1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0];
-/// Where other logarithmic axes have numbers, and lines without a number in between.
-const NUMBERS: [[&[f64]; 2]; 3] = [
-    [&[1.0, 2.0, 5.0], &[3.0, 4.0, 6.0, 7.0, 8.0, 9.0]],
-    [&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0], &[]],
-    [
-        &[1.0, 1.2, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0],
-        &[1.1, 1.3, 1.4, 1.6, 1.7, 1.8, 1.9],
-    ],
-];
-/// Longer names are cut.
-const LONGEST_NAME: usize = 26;
+const SAMPLE: f64 = 48.0;
+/// Longer names of rows are cut.
+const LONGEST_ROW: usize = 26;
+/// Minutes on an axis are hours from so many on.
+const LONG_MIN: f64 = 240.0;
 
-/// The colour of dark text and lines, of soft ones, and of the grid, as pages have them.
-pub const INK: &str = "currentColor";
-pub const SOFT: &str = "var(--soft)";
-pub const GRID: &str = "var(--line)";
-/// The same in a file of its own.
+/// The colours of pages in a file of its own.
 const ON_WHITE: [(&str, &str); 3] = [(INK, "#1c2530"), (SOFT, "#5b6673"), (GRID, "#dee3e8")];
 /// What these and others become where a file is seen in the dark.
 const IN_THE_DARK: [(&str, &str); 6] = [
@@ -50,270 +42,6 @@ const IN_THE_DARK: [(&str, &str); 6] = [
     ("#0072b2", "#3fa0e0"),
     ("#9467bd", "#b79ad6"),
 ];
-/// Colours of series that the colour-blind can tell apart (Okabe and Ito).
-pub const COLOURS: [&str; 7] = [
-    "#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#9467bd",
-];
-/// The vermilion of what others are compared with: random plans.
-const REFERENCE: &str = COLOURS[5];
-
-/// The colours of plans beside each other, in their order and by whether others are compared with each: the same on pages and in
-/// recordings.
-pub fn plan_colours(is_reference: impl IntoIterator<Item = bool>) -> Vec<&'static str> {
-    let others = COLOURS.into_iter().filter(|colour| *colour != REFERENCE);
-    let mut others = others.cycle();
-    let colour = |is_reference: bool| {
-        let other = (!is_reference).then(|| others.next());
-        other.flatten().unwrap_or(REFERENCE)
-    };
-    is_reference.into_iter().map(colour).collect()
-}
-
-/// An axis with its ticks.
-#[derive(Debug, Clone)]
-pub struct ChartAxis {
-    /// From where to where.
-    pub range: Range<f64>,
-    /// Where its ticks are, and what stands there.
-    pub ticks: Vec<(f64, String)>,
-    /// Where lines without a number stand between them.
-    minor: Vec<f64>,
-}
-
-impl ChartAxis {
-    /// With numbers at these ticks.
-    pub fn at(range: Range<f64>, ticks: impl IntoIterator<Item = f64>) -> Self {
-        let numbered = |tick| (tick, listed([tick], 4));
-        Self {
-            range,
-            ticks: ticks.into_iter().map(numbered).collect(),
-            minor: Vec::new(),
-        }
-    }
-
-    /// With about so many round ticks.
-    pub fn linear(range: Range<f64>, about: u32) -> Self {
-        let ticks = ticks(&range, about);
-        Self::at(range, ticks)
-    }
-
-    /// Of whole numbers.
-    pub fn whole(range: Range<f64>) -> Self {
-        let is_whole = |tick: &f64| (tick - tick.round()).abs() < 1e-9;
-        let ticks = ticks(&range, 8).into_iter().filter(is_whole);
-        Self::at(range, ticks)
-    }
-
-    /// Of places 0, 1, 2, ... with these names.
-    pub fn named(names: impl IntoIterator<Item = String>) -> Self {
-        let ticks: Vec<_> = (0..).map(f64::from).zip(names).collect();
-        Self {
-            range: -0.5..ticks.len() as f64 - 0.5,
-            ticks,
-            minor: Vec::new(),
-        }
-    }
-
-    /// Of logarithms (base 10), with the first of [`NUMBERS`] that are enough.
-    pub fn logarithmic(range: Range<f64>) -> Self {
-        let ends = [range.start, range.end];
-        let is_enough = |major: &[f64]| {
-            let mut places = [major, &ends].concat();
-            places.sort_by(f64::total_cmp);
-            let mut gaps = places.windows(2).map(|pair| pair[1] - pair[0]);
-            major.len() >= 3 && gaps.all(|gap| gap <= 0.5 * (ends[1] - ends[0]))
-        };
-        // Where numbers are few or half of the axis has none, there are more; where those are, round ones in between.
-        let numbers = NUMBERS.map(|numbers| numbers.map(|each| logarithms(&range, each)));
-        let found = numbers.into_iter().find(|[major, _]| is_enough(major));
-        let [major, minor] = found.unwrap_or_else(|| {
-            let ends = 10_f64.powf(range.start)..10_f64.powf(range.end);
-            let round = ticks(&ends, 6).into_iter().map(f64::log10);
-            [round.collect(), Vec::new()]
-        });
-        Self {
-            range,
-            ticks: major.into_iter().map(numbered).collect(),
-            minor,
-        }
-    }
-
-    fn labels(&self) -> impl Iterator<Item = &String> {
-        self.ticks.iter().map(|(_, label)| label)
-    }
-
-    /// Where a value is between two places of a drawing.
-    fn place(&self, value: f64, [low, high]: [f64; 2]) -> f64 {
-        let share = (value - self.range.start) / (self.range.end - self.range.start);
-        low + share * (high - low)
-    }
-}
-
-/// The range of values with a share of it to spare on both sides, of at least so much.
-pub fn reach(values: impl IntoIterator<Item = f64>, share: f64, least: f64) -> Range<f64> {
-    let [low, high] = ends(values.into_iter());
-    if low > high {
-        return 0.0..1.0;
-    }
-    let margin = (share * (high - low)).max(least);
-    low - margin..high + margin
-}
-
-/// The logarithms in a range of these numbers and of their products with powers of ten.
-fn logarithms(range: &Range<f64>, factors: &[f64]) -> Vec<f64> {
-    let powers = (-12..12).map(f64::from);
-    powers
-        .flat_map(|power| factors.iter().map(move |factor| factor.log10() + power))
-        .filter(|tick| range.contains(tick))
-        .collect()
-}
-
-/// A tick at a logarithm, with the number.
-fn numbered(tick: f64) -> (f64, String) {
-    (tick, listed([10_f64.powf(tick)], 4))
-}
-
-/// About so many round ticks in a range.
-fn ticks(range: &Range<f64>, about: u32) -> Vec<f64> {
-    let rough = ((range.end - range.start) / f64::from(about)).max(f64::MIN_POSITIVE);
-    let power = 10_f64.powf(rough.log10().floor());
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * power);
-    let step = steps.into_iter().find(|&step| step >= rough * 0.999);
-    let step = step.unwrap_or(rough);
-    let first = (range.start / step - 1e-9).ceil();
-    let all = (0_u32..1000).map(|index| (first + f64::from(index)) * step);
-    all.take_while(|&tick| tick <= range.end + 1e-9 * step)
-        .collect()
-}
-
-/// How a series is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Mark {
-    /// A line.
-    Line,
-    /// A dashed line.
-    Dashed,
-    /// A line with a dot at each point.
-    Dotted,
-    /// A filled circle.
-    Dot,
-    /// An open circle.
-    Ring,
-    /// A filled square.
-    Square,
-    /// A filled triangle.
-    Triangle,
-    /// A filled diamond.
-    Diamond,
-    /// A cross.
-    Cross,
-    /// A large filled circle.
-    Disc,
-    /// A line between every two points, so thick.
-    Segments(f64),
-    /// An area with these corners, of this opacity.
-    Area(f64),
-}
-
-impl Mark {
-    /// The outline about a point and the thickness of its line, if it is not filled; none of what is no mark of single points.
-    const fn symbol(self) -> Option<(&'static str, Option<f64>)> {
-        Some(match self {
-            Self::Dot => ("M-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0", None),
-            Self::Disc => ("M-10 0a10 10 0 1 0 20 0a10 10 0 1 0-20 0", None),
-            Self::Ring => ("M-15 0a15 15 0 1 0 30 0a15 15 0 1 0-30 0", Some(3.0)),
-            Self::Cross => ("M-9-9L9 9M-9 9L9-9", Some(5.0)),
-            Self::Square => ("M-10-10h20v20h-20z", None),
-            Self::Triangle => ("M-13 10h26L0-13z", None),
-            Self::Diamond => ("M-14 0L0-14 14 0 0 14z", None),
-            Self::Line | Self::Dashed | Self::Dotted | Self::Segments(_) | Self::Area(_) => {
-                return None;
-            }
-        })
-    }
-}
-
-/// Points with a colour and a mark.
-pub struct Series {
-    /// What it is called in the legend; without a name it is not there.
-    name: String,
-    colour: &'static str,
-    mark: Mark,
-    points: Vec<(f64, f64)>,
-    /// What is read at each point when it is pointed at.
-    tips: Vec<String>,
-}
-
-impl Series {
-    /// A series; the points are in the axes' units.
-    pub fn new(
-        name: &str,
-        colour: &'static str,
-        mark: Mark,
-        points: impl IntoIterator<Item = (f64, f64)>,
-    ) -> Self {
-        Self {
-            name: shortened(name, LONGEST_NAME),
-            colour,
-            mark,
-            points: points.into_iter().collect(),
-            tips: Vec::new(),
-        }
-    }
-
-    /// The same with words about each of its points, of its name and the point.
-    pub fn tipped(mut self, words: impl Fn(&str, f64, f64) -> String) -> Self {
-        let words = |&(x, y): &(f64, f64)| words(&self.name, x, y);
-        self.tips = self.points.iter().map(words).collect();
-        self
-    }
-
-    /// A value between the ends of its interval, at a height: `[low, value, high]`.
-    pub fn interval([low, value, high]: [f64; 3], y: f64, colour: &'static str) -> [Self; 2] {
-        let cap = |x: f64| [(x, y - 0.16), (x, y + 0.16)];
-        let lines = [[(low, y), (high, y)], cap(low), cap(high)].concat();
-        let lines = Self::new("", colour, Mark::Segments(5.0), lines);
-        [lines, Self::new("", colour, Mark::Disc, [(value, y)])]
-    }
-
-    /// Points in units of the drawing by a mark in its colour.
-    fn picture(&self, mark: Mark, places: &[(f64, f64)]) -> String {
-        let colour = self.colour;
-        if let Some((outline, thick)) = mark.symbol() {
-            let style = thick.map_or_else(
-                || format!("fill=\"{colour}\""),
-                |thick| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\""),
-            );
-            let symbol = |(x, y): &(f64, f64)| {
-                format!("<path transform=\"translate({x:.1} {y:.1})\" d=\"{outline}\" {style}/>\n")
-            };
-            return places.iter().map(symbol).collect();
-        }
-        let path = |places: &[(f64, f64)]| {
-            let corners = places.iter().map(|(x, y)| format!("{x:.1} {y:.1}"));
-            format!("M{}", corners.collect::<Vec<_>>().join("L"))
-        };
-        let line = |thick: f64, d: &str, dashes: &str| {
-            format!(
-                "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\"{dashes} d=\"{d}\"/>\n"
-            )
-        };
-        match mark {
-            _ if places.is_empty() => String::new(),
-            Mark::Area(opacity) => format!(
-                "<path fill=\"{colour}\" fill-opacity=\"{opacity}\" d=\"{}z\"/>\n",
-                path(places)
-            ),
-            Mark::Segments(thick) => {
-                let pairs: String = places.chunks(2).map(path).collect();
-                line(thick, &pairs, "")
-            }
-            Mark::Dashed => line(3.0, &path(places), " stroke-dasharray=\"10 7\""),
-            Mark::Dotted => line(3.0, &path(places), "") + &self.picture(Mark::Dot, places),
-            _ => line(3.0, &path(places), ""),
-        }
-    }
-}
 
 /// Series over two axes.
 pub struct Chart {
@@ -348,11 +76,10 @@ impl Chart {
         let (names, notes): (Vec<String>, Vec<String>) = rows.into_iter().unzip();
         let count = names.len();
         let named =
-            |(row, name): (usize, &String)| (middle(count, row), shortened(name, LONGEST_NAME));
+            |(row, name): (usize, &String)| (middle(count, row), shortened(name, LONGEST_ROW));
         let rows = ChartAxis {
-            range: 0.0..count as f64,
             ticks: names.iter().enumerate().map(named).collect(),
-            minor: Vec::new(),
+            ..ChartAxis::at(0.0..count as f64, [])
         };
         Self {
             notes,
@@ -360,22 +87,32 @@ impl Chart {
         }
     }
 
-    /// The rms residual error (um) over numbers of measurements, both logarithmic, as far as the series go.
-    pub fn of_accuracy(mut series: Vec<Series>) -> Self {
-        for (x, y) in series.iter_mut().flat_map(|each| &mut each.points) {
-            (*x, *y) = (x.log10(), y.log10());
-        }
-        let axis = |of: fn(&(f64, f64)) -> f64| {
-            let values = series.iter().flat_map(|each| &each.points).map(of);
-            ChartAxis::logarithmic(reach(values, 0.05, 0.02))
+    /// The rms residual error (um), logarithmic, over numbers of measurements (logarithmic) or, `by_minutes`, over the time that they take in
+    /// the laboratory (minutes; in hours where it is long), as far as the series go.
+    pub fn of_accuracy(mut series: Vec<Series>, by_minutes: bool) -> Self {
+        let points = || series.iter().flat_map(|each| &each.points);
+        let longest = points().map(|point| point.0).fold(0.0, f64::max);
+        let (unit, minutes) = match longest {
+            LONG_MIN.. => ("h", 60.0),
+            _ => ("min", 1.0),
         };
-        let mut axes = [axis(|point| point.0), axis(|point| point.1)];
-        let is_whole = |tick: &f64| ((10_f64.powf(*tick) + 0.5).fract() - 0.5).abs() < 1e-9;
-        let counts = logarithms(&axes[0].range, &COUNTS).into_iter();
-        axes[0].ticks = counts.filter(is_whole).map(numbered).collect();
-        axes[0].minor.retain(is_whole);
+        for (x, y) in series.iter_mut().flat_map(|each| &mut each.points) {
+            *x = if by_minutes { *x / minutes } else { x.log10() };
+            *y = y.log10();
+        }
+        let range = |of: fn(&(f64, f64)) -> f64| {
+            let values = series.iter().flat_map(|each| &each.points).map(of);
+            reach(values, 0.05, 0.02)
+        };
+        let (x, y) = (range(|point| point.0), range(|point| point.1));
+        let (x, name) = if by_minutes {
+            let name = format!("time in the laboratory [{unit}]");
+            (ChartAxis::linear(x, 8), name)
+        } else {
+            (ChartAxis::counts(x), "measurements, logarithmic".to_owned())
+        };
         let error = "\u{3c1}\u{2080}, rms residual error [\u{b5}m], logarithmic";
-        Self::new(axes, ["measurements, logarithmic", error], series)
+        Self::new([x, ChartAxis::logarithmic(y)], [&name, error], series)
     }
 
     /// The series that the legend names.
@@ -409,7 +146,7 @@ impl Chart {
         let plane = Plane::new(self, [width, height], title);
         let [left, right] = plane.across;
         let mut svg = heading(title, f64::midpoint(left, right));
-        svg += &(plane.grid() + &plane.legend(width));
+        svg += &(plane.grid() + &plane.legend());
         let mut tips = String::new();
         for each in &self.series {
             let places: Vec<_> = each.points.iter().map(|point| plane.at(*point)).collect();
@@ -477,39 +214,41 @@ struct Plane<'a> {
     /// From left to right, and from the lower to the upper end.
     across: [f64; 2],
     upwards: [f64; 2],
-    /// Whether the legend stands beside it, not above.
-    is_wide: bool,
+    /// Where the names of series stand above it: where they begin, and their middle.
+    legend: Vec<(f64, f64)>,
     /// So many lines have the names along x, by turns, where they are too long to stand beside one another.
     lines: usize,
 }
 
 impl<'a> Plane<'a> {
     fn new(chart: &'a Chart, [width, height]: [f64; 2], title: &str) -> Self {
-        let is_wide = width >= WHOLE;
         let ([x, y], [x_name, y_name]) = (&chart.axes, &chart.names);
-        let names = || chart.named().map(|each| &each.name);
         let room = |is_there: bool, room: f64| if is_there { room } else { 0.0 };
-        let legend = [
-            room(!is_wide, LINE * names().count().div_ceil(2) as f64),
-            room(is_wide && names().count() > 0, 84.0 + width_of(names())),
-        ];
-        let above = MARGIN + legend[0] + room(!title.is_empty(), TITLE);
         // Half of the last name stands beyond the axis.
         let beyond = 0.5 * width_of(x.labels().last());
-        let beside = legend[1].max(beyond).max(width_of(&chart.notes));
         let across = [
             MARGIN + 12.0 + width_of(y.labels()) + room(!y_name.is_empty(), LINE),
-            width - MARGIN - beside,
+            width - MARGIN - beyond.max(width_of(&chart.notes)),
         ];
+        let (mut end, mut below) = (width, room(!title.is_empty(), TITLE));
+        let place = |each: &Series| {
+            let room = SAMPLE + width_of([&each.name]);
+            if end + room > width {
+                (end, below) = (across[0], below + LINE);
+            }
+            end += room + LINE;
+            (end - room - LINE, below - 0.5 * LINE)
+        };
+        let legend = chart.named().map(place).collect();
         let needed = width_of(x.labels()) * x.ticks.len() as f64;
         let lines = (1..4).find(|&lines| needed <= (across[1] - across[0]) * lines as f64);
         let lines = lines.unwrap_or(4);
-        let below = lines as f64 * LINE + room(!x_name.is_empty(), 32.0);
+        let names = lines as f64 * LINE + room(!x_name.is_empty(), 32.0);
         Self {
             chart,
             across,
-            upwards: [height - below, above],
-            is_wide,
+            upwards: [height - names, below + MARGIN],
+            legend,
             lines,
         }
     }
@@ -570,47 +309,16 @@ impl<'a> Plane<'a> {
         svg + &text((x, y), y_name, &turned)
     }
 
-    /// The names of series off the data: beside it or, where it is narrow, above in two columns.
-    fn legend(&self, width: f64) -> String {
+    /// The names of series above the data.
+    fn legend(&self) -> String {
         let mut svg = String::new();
-        for (row, each) in self.chart.named().enumerate() {
-            let (x, y) = if self.is_wide {
-                (self.across[1] + 24.0, self.upwards[1] + LINE * row as f64)
-            } else {
-                let column = (row % 2) as f64 * (0.5 * width - LINE);
-                (self.across[0] + column, MARGIN + LINE * (row / 2) as f64)
-            };
-            let y = y + 0.5 * LINE;
+        for (each, &(x, y)) in self.chart.named().zip(&self.legend) {
             svg += &match each.mark.symbol() {
                 Some(_) => each.picture(each.mark, &[(x + 17.0, y)]),
                 None => each.picture(each.mark, &[(x, y), (x + 34.0, y)]),
             };
-            svg += &text((x + 48.0, y + 0.35 * TEXT), &each.name, "");
+            svg += &text((x + SAMPLE, y + 0.35 * TEXT), &each.name, "");
         }
         svg
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn few_decades_have_a_number_at_every_line() {
-        let wide = ChartAxis::logarithmic(0.0..2.0);
-        assert_eq!([wide.ticks.len(), wide.minor.len()], [6, 12]);
-        let narrow = ChartAxis::logarithmic(0.36..0.77);
-        assert_eq!([narrow.ticks.len(), narrow.minor.len()], [3, 0]);
-        assert!(ChartAxis::logarithmic(0.62..0.68).ticks.len() >= 3);
-        let beyond_ten = ChartAxis::logarithmic(7.6_f64.log10()..14.0_f64.log10());
-        let numbers: Vec<&String> = beyond_ten.labels().collect();
-        assert_eq!(numbers, ["8", "9", "10", "12"]);
-    }
-
-    #[test]
-    fn plans_have_colours_of_their_own_and_the_reference_its_own() {
-        let colours = plan_colours([true, false, false]);
-        assert_eq!(colours, [REFERENCE, COLOURS[0], COLOURS[1]]);
-        assert_eq!(plan_colours([false, true])[0], colours[1]);
     }
 }

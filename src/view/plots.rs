@@ -3,67 +3,87 @@
 use std::ops::Range;
 
 use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
-use crate::identification::patterns::{Pattern, PatternPoint, Patterns};
+use crate::identification::patterns::{Pattern, Patterns};
 use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::study::selection::{Chosen, Selection, choice_name};
 use crate::text::wording::{counted, listed, naming};
 
-/// By what factor lines stand beside each other.
+/// By what factor lines over numbers of measurements stand beside each other, since many of them nearly agree.
 const ASIDE: f64 = 1.01;
 
-/// `rho_0` against the number of measurements: a line for each number of configurations, the bound that no plan can beat, the
-/// accuracy that is wanted (m), and what it needs. Returns the SVG text.
-pub fn budget_plot(
-    title: &str,
-    points: &[BudgetPoint],
-    wanted_m: f64,
-    needed: Option<&BudgetPoint>,
-) -> String {
-    let micro = |point: &BudgetPoint, value: f64| (f64::from(point.experiments), value * 1e6);
-    let repeated = repeated_configurations(points).into_iter();
-    let of_line = |count: Option<u32>| {
-        let is_of =
-            move |point: &&BudgetPoint| point.configurations == count.unwrap_or(point.experiments);
-        let name = count.map(|count| counted(count.into(), "configuration"));
-        let all = points.iter().filter(is_of);
-        (name.unwrap_or("all different".to_owned()), all)
-    };
-    let lines: Vec<_> = repeated.map(Some).chain([None]).map(of_line).collect();
-    let middle = (lines.len() as f64 - 1.0) / 2.0;
-    let (mut series, mut ring) = (Vec::new(), None);
-    for (index, (name, line)) in lines.into_iter().enumerate() {
-        // Beside each other, since many of them nearly agree.
-        let aside = ASIDE.powf(index as f64 - middle);
-        let beside = line.map(|point| {
-            let (m, rho0) = micro(point, point.rho0_m);
-            let size = |each: &BudgetPoint| (each.experiments, each.configurations);
-            if needed.map(size) == Some(size(point)) {
-                ring = Some((m * aside, rho0));
-            }
-            (m * aside, rho0)
-        });
-        let colour = COLOURS[index % COLOURS.len()];
-        series.push(Series::new(&name, colour, Mark::Dotted, beside));
+/// What the plot of a budget shows.
+pub struct BudgetPlot<'a> {
+    /// The best plans that were found.
+    pub points: &'a [BudgetPoint],
+    /// How long each takes (minutes), as far as a way is found, where it is drawn over time in place of numbers of measurements.
+    pub minutes: Option<&'a [Option<f64>]>,
+    /// The accuracy that is wanted (m).
+    pub wanted_m: f64,
+    /// What it needs.
+    pub needed: Option<&'a BudgetPoint>,
+}
+
+impl BudgetPlot<'_> {
+    /// `rho_0` against the number of measurements or the time: a line for each number of configurations, what is wanted and needed, and
+    /// over numbers the bound that no plan of as many can beat. Returns the SVG text.
+    pub fn drawn(&self, title: &str) -> String {
+        let points = self.points;
+        let place = |index: usize| match self.minutes {
+            Some(minutes) => minutes[index],
+            None => Some(points[index].experiments.into()),
+        };
+        let at = |(index, point): (usize, &BudgetPoint)| Some((place(index)?, point.rho0_m * 1e6));
+        let repeated = repeated_configurations(points);
+        let middle = repeated.len() as f64 / 2.0;
+        let lines = repeated.into_iter().map(Some).chain([None]);
+        let (mut series, mut ring) = (Vec::new(), None);
+        for (index, count) in lines.enumerate() {
+            let aside = match self.minutes {
+                Some(_) => 1.0,
+                None => ASIDE.powf(index as f64 - middle),
+            };
+            let name = count.map(|count| counted(count.into(), "configuration"));
+            let name = name.unwrap_or("all different".to_owned());
+            let of_line = points
+                .iter()
+                .enumerate()
+                .filter(|(_, point)| point.configurations == count.unwrap_or(point.experiments));
+            let line = of_line.filter_map(|each| {
+                let (x, rho0) = at(each)?;
+                let size = |each: &BudgetPoint| (each.experiments, each.configurations);
+                if self.needed.map(size) == Some(size(each.1)) {
+                    ring = Some((x * aside, rho0));
+                }
+                Some((x * aside, rho0))
+            });
+            let colour = COLOURS[index % COLOURS.len()];
+            series.push(Series::new(&name, colour, Mark::Dotted, line));
+        }
+        if self.minutes.is_none() {
+            let mut bound: Vec<(f64, f64)> = (points.iter())
+                .filter_map(|point| {
+                    Some((f64::from(point.experiments), point.lower_bound_m()? * 1e6))
+                })
+                .filter(|(_, bound)| *bound > 0.0)
+                .collect();
+            bound.dedup();
+            series.push(Series::new("no plan is below", INK, Mark::Dashed, bound));
+        }
+        let [_, top] = ends(points.iter().map(|point| point.rho0_m));
+        if self.wanted_m < 2.0 * top {
+            let [least, most] = ends((0..points.len()).filter_map(place));
+            let wanted_um = self.wanted_m * 1e6;
+            let wanted = [least, most.max(least + 1.0)].map(|at| (at, wanted_um));
+            let name = format!("wanted: {} \u{b5}m", listed([wanted_um], 4));
+            series.push(Series::new(&name, SOFT, Mark::Line, wanted));
+        }
+        if ring.is_some() {
+            series.push(Series::new("needed", INK, Mark::Ring, ring));
+        }
+        Chart::of_accuracy(series, self.minutes.is_some()).file(title)
     }
-    let mut bound: Vec<(f64, f64)> = (points.iter())
-        .filter_map(|point| Some(micro(point, point.lower_bound_m()?)))
-        .filter(|(_, bound)| *bound > 0.0)
-        .collect();
-    bound.dedup();
-    series.push(Series::new("no plan is below", INK, Mark::Dashed, bound));
-    let [_, top] = ends(points.iter().map(|point| point.rho0_m));
-    if wanted_m < 2.0 * top {
-        let [fewest, most] = ends(points.iter().map(|point| point.experiments.into()));
-        let wanted = [fewest, most.max(fewest + 1.0)].map(|at| (at, wanted_m * 1e6));
-        let name = format!("wanted: {} \u{b5}m", listed([wanted_m * 1e6], 4));
-        series.push(Series::new(&name, SOFT, Mark::Line, wanted));
-    }
-    if ring.is_some() {
-        series.push(Series::new("needed", INK, Mark::Ring, ring));
-    }
-    Chart::of_accuracy(series).file(title)
 }
 
 /// The random choices of a size stand so far to the left of it at most, the planned ones to the right.
@@ -238,23 +258,14 @@ fn panel(pattern: &Pattern) -> Chart {
         _ => (1e6, "\u{b5}rad/(N m)"),
     };
     let points = &pattern.points;
-    let line = |of: fn(&PatternPoint) -> f64| {
-        let places = points.iter().map(|point| (point.at, of(point) * factor));
-        places.collect::<Vec<_>>()
-    };
+    let seen = points.iter().map(|point| (point.at, point.seen * factor));
     let bars = points.iter().flat_map(|point| {
         let ends = [-1.0, 1.0].map(|side| point.seen + side * point.standard_error);
         ends.map(|end| (point.at, end * factor))
     });
     let bars: Vec<(f64, f64)> = bars.collect();
-    let fitted = wave(pattern).map_or_else(
-        || line(|point| point.pattern),
-        |wave| {
-            wave.into_iter()
-                .map(|(at, value)| (at, value * factor))
-                .collect()
-        },
-    );
+    let fitted = pattern.curve(SAMPLES).into_iter();
+    let fitted: Vec<_> = fitted.map(|(at, value)| (at, value * factor)).collect();
     let [x, y] = [
         bars.iter().map(|point| point.0).collect::<Vec<_>>(),
         bars.iter().chain(&fitted).map(|point| point.1).collect(),
@@ -273,26 +284,10 @@ fn panel(pattern: &Pattern) -> Chart {
     ];
     let series = vec![
         Series::new("", COLOURS[0], Mark::Segments(3.0), bars),
-        Series::new("", COLOURS[0], Mark::Dot, line(|point| point.seen)),
+        Series::new("", COLOURS[0], Mark::Dot, seen),
         Series::new("", COLOURS[1], Mark::Line, fitted),
     ];
     Chart::new([x, y], names, series)
-}
-
-/// The pattern's wave along the scale of its points; none of another pattern.
-fn wave(pattern: &Pattern) -> Option<Vec<(f64, f64)>> {
-    let [cosine, sine] = pattern.wave?;
-    let waves = match pattern.at_unit {
-        "deg" => pattern.harmonic? as f64,
-        _ => 1.0,
-    };
-    let [from, to] = ends(pattern.points.iter().map(|point| point.at));
-    let value = |sample: u32| {
-        let at = from + (to - from) * f64::from(sample) / f64::from(SAMPLES);
-        let (sin, cos) = (waves * at.to_radians()).sin_cos();
-        (at, cosine * cos + sine * sin)
-    };
-    Some((0..=SAMPLES).map(value).collect())
 }
 
 fn panel_title(pattern: &Pattern) -> String {

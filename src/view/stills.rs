@@ -95,9 +95,13 @@ impl<'a> Stills<'a> {
     /// # Errors
     /// See [`PageError`].
     pub fn figures(&self) -> Result<String, PageError> {
-        let shown = json!({ "stills": self.shown(), "camera": self.camera.shown() });
-        let stills = Templates::new()?.filled("stills.html", &shown)?;
-        Ok(turning::view(&self.scenery) + &stills)
+        let shown = json!({
+            "plan": turning::plan(&self.scenery),
+            "script": turning::SCRIPT,
+            "stills": self.shown(),
+            "camera": self.camera.shown(),
+        });
+        Templates::new()?.filled("stills.html", &shown)
     }
 
     /// The sheet as an SVG document.

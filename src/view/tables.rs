@@ -224,13 +224,17 @@ pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
             runs.failed.to_string(),
         ]);
         if with_random {
-            let ratio = runs.mean_ratio_to_random.map(f64::recip);
-            let interval = runs.mean_ratio_to_random_ci95.map(inverse_interval);
-            row.extend([number(ratio, 2), interval.unwrap_or_default()]);
+            let ratio = runs
+                .mean_ratio_to_random
+                .zip(runs.mean_ratio_to_random_ci95);
+            row.push(ratio.map_or_else(dash, |(ratio, ends)| {
+                let ends = inverse_interval(ends).replace(' ', "\u{a0}");
+                format!("{} ({ends})", number(Some(ratio.recip()), 2))
+            }));
         }
         row
     });
-    let random = ["", " | mean of random over it | 95 % interval"][usize::from(with_random)];
+    let random = ["", " | mean of random over it (95 % interval)"][usize::from(with_random)];
     let header = format!(
         "plan{} | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | expected rms [\u{b5}m] | z | 95 % below [\u{b5}m] | NEES | failed{random}",
         joined(swept.iter().map(|(name, _)| format!(" | {name}")), "")

@@ -26,6 +26,7 @@ pub use rows::{LookedAt, ReadingRows};
 use screen::{Test, judged, screened};
 
 use super::outliers::RejectedReading;
+use crate::numeric::tolerance::ends;
 
 /// Residuals without any pattern are said to have one in one of a hundred files.
 pub const LEVEL: f64 = 0.01;
@@ -80,6 +81,29 @@ pub struct Pattern {
     pub at_unit: &'static str,
     /// Means over the readings, for a picture.
     pub points: Vec<PatternPoint>,
+}
+
+impl Pattern {
+    /// Where it is along the scale of its points, in the units of these: waves `a cos(k q) + b sin(k q)` at so many places and one more, another
+    /// pattern at its points.
+    pub fn curve(&self, places: u32) -> Vec<(f64, f64)> {
+        // What is no angle goes over one turn.
+        let waves = match self.at_unit {
+            "deg" => self.harmonic.map(|harmonic| harmonic as f64),
+            _ => Some(1.0),
+        };
+        let (Some([cosine, sine]), Some(waves)) = (self.wave, waves) else {
+            let points = self.points.iter();
+            return points.map(|point| (point.at, point.pattern)).collect();
+        };
+        let [from, to] = ends(self.points.iter().map(|point| point.at));
+        let value = |place: u32| {
+            let at = from + (to - from) * f64::from(place) / f64::from(places);
+            let (sin, cos) = (waves * at.to_radians()).sin_cos();
+            (at, cosine * cos + sine * sin)
+        };
+        (0..=places).map(value).collect()
+    }
 }
 
 /// What residuals go with.

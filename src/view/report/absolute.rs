@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::cards::{conditions_card, readings_cards, verdict_card};
 use super::distances::{distances_figure, lines, numbers};
 use super::test_poses::test_poses;
-use super::{PlanPage, plan_row};
+use super::{PlanPage, PlanRow};
 use crate::observation::LengthKind;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
@@ -83,22 +83,27 @@ fn of_trials(trials: &RobotTrials) -> Value {
 }
 
 /// The rows of a plan, with their name and the names of their own columns; `own` is the target that rows without one read.
-fn rows(plan: &AbsolutePlanMessage, own: &str) -> (String, Vec<Vec<String>>) {
+fn rows<'a>(plan: &'a AbsolutePlanMessage, own: &str) -> (String, Vec<PlanRow<'a>>) {
     let is_read = |kind: &LengthKind| {
         let mut lengths = plan.plan.iter().filter_map(|reading| reading.length.0);
         lengths.any(|length| length.kind == *kind)
     };
     let kinds: Vec<LengthKind> = LengthKind::ALL.into_iter().filter(is_read).collect();
-    let rows = (plan.plan.iter().enumerate()).map(|(index, reading)| {
-        let mut row = plan_row(index, &reading.q_deg, reading.wrench.as_ref());
-        row.push(reading.target.as_deref().unwrap_or(own).to_owned());
-        row.push(reading.station.clone().unwrap_or_else(dash));
-        row.push(reading.repeats.to_string());
-        row.extend(kinds.iter().map(|&kind| {
+    let rows = plan.plan.iter().map(|reading| {
+        let mut cells = vec![
+            reading.target.as_deref().unwrap_or(own).to_owned(),
+            reading.station.clone().unwrap_or_else(dash),
+            reading.repeats.to_string(),
+        ];
+        cells.extend(kinds.iter().map(|&kind| {
             let length = reading.length.0.filter(|length| length.kind == kind);
             length.map_or_else(dash, |length| format!("{:.3}", length.length_m * 1e3))
         }));
-        row
+        PlanRow {
+            q_deg: &reading.q_deg,
+            wrench: reading.wrench.as_ref(),
+            own: cells,
+        }
     });
     let columns = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
     let columns = "row | reflector | station | times".to_owned() + &columns.collect::<String>();

@@ -42,15 +42,23 @@ fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
 pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let lines = with_runs(lines);
     let range = range(&lines);
-    let highest = (lines.iter())
-        .flat_map(|(runs, _)| shares(runs).map(|(_, share)| share))
-        .fold(f64::MIN_POSITIVE, f64::max);
+    let shares: Vec<_> = lines
+        .iter()
+        .map(|(runs, _)| runs.histogram.densities())
+        .collect();
+    let highest = (shares.iter().flatten()).fold(f64::MIN_POSITIVE, |most, bin| most.max(bin[2]));
     let note = |runs: &StudyPlanMessage| format!("mean {}", micrometres(runs.mean_mm));
     let hills = lines.iter().enumerate().flat_map(|(row, (runs, colour))| {
         let foot = middle(lines.len(), row) - 0.46;
         let inside = |x: &f64| range.contains(x);
-        let shape: Vec<(f64, f64)> = (shares(runs).filter(|(x, _)| inside(x)))
-            .map(|(x, share)| (x, foot + FILL * share / highest))
+        let bins = shares[row]
+            .iter()
+            .filter(|bin| range.contains(&logarithm(f64::midpoint(bin[0], bin[1]))));
+        let shape: Vec<(f64, f64)> = bins
+            .flat_map(|&[low, high, share]| {
+                let height = foot + FILL * share / highest;
+                [low, high].map(|end| (logarithm(end).clamp(range.start, range.end), height))
+            })
             .collect();
         let ends = [shape.last(), shape.first()].into_iter().flatten();
         let ends = ends.map(|(x, _)| (*x, foot));
@@ -138,18 +146,6 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
 pub fn numbers(lines: &[PlanLine<'_>]) -> RecordTable {
     let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
     tables::study(&plans, true)
-}
-
-/// The middle of each bin (logarithm of um) and the share of the runs for each unit of the
-/// logarithmic axis, so that areas are shares.
-fn shares(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
-    let edges = runs.histogram.edges_mm.windows(2);
-    let bins = runs.histogram.counts.iter().zip(edges);
-    bins.map(|(count, edges)| {
-        let (low, high) = (logarithm(edges[0]), logarithm(edges[1]));
-        let share = *count as f64 / runs.runs as f64;
-        (f64::midpoint(low, high), share / (high - low))
-    })
 }
 
 /// From the smallest to the largest distances that are not rare (logarithms of um).

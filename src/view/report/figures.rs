@@ -43,7 +43,8 @@ pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> Stri
     ];
     let tip = |name: &str, x: f64, y: f64| format!("{name}, {x}: {y:.2} \u{b5}m");
     let tipped = series.map(|each| each.tipped(tip));
-    Chart::of_accuracy(tipped.into()).figure(HALF, "Accuracy against the number of measurements")
+    let chart = Chart::of_accuracy(tipped.into(), false);
+    chart.figure(HALF, "Accuracy against the number of measurements")
 }
 
 /// What is predicted along a path, or over a region (um), by the number of each pose, which has a name, and over all of them.

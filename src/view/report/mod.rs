@@ -63,7 +63,7 @@ impl PlanPage<'_> {
         cards: &[Card],
         budget: Option<&UncertaintyBudget>,
         test_poses: Option<&Value>,
-        (own, rows): (&str, Vec<Vec<String>>),
+        (own, rows): (&str, Vec<PlanRow<'_>>),
     ) -> Value {
         let scenario = self.scenario;
         let belief = &scenario.task.belief;
@@ -71,7 +71,10 @@ impl PlanPage<'_> {
         let columns = belief.commands().columns();
         let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
         let angles = joined(angles, " | ");
-        let header = format!("{row} | {angles} | force [N] | torque [N m] | {own}");
+        let has_torque = rows.iter().any(PlanRow::has_torque);
+        let load = ["force [N]", "force [N] | torque [N m]"][usize::from(has_torque)];
+        let header = format!("{row} | {angles} | {load} | {own}");
+        let rows = (rows.into_iter().enumerate()).map(|(index, row)| row.cells(index, has_torque));
         json!({
             "name": scenario.name,
             "description": scenario.description,
@@ -149,29 +152,47 @@ fn standardised(calibration: &CalibrationMessage) -> Vec<[Option<f64>; 4]> {
 }
 
 /// The rows of what is measured, with their name and the names of their own columns.
-fn rows(reads_along: bool, calibration: &CalibrationMessage) -> (&'static str, Vec<Vec<String>>) {
-    let rows = (calibration.plan.iter().enumerate()).map(|(index, experiment)| {
-        let mut row = plan_row(index, &experiment.q_deg, Some(&experiment.wrench));
-        if reads_along {
-            let along = experiment.direction.map(|each| unbroken(&listed(each, 4)));
-            row.push(along.unwrap_or_else(|| "all coordinates".to_owned()));
+fn rows(reads_along: bool, calibration: &CalibrationMessage) -> (&'static str, Vec<PlanRow<'_>>) {
+    let rows = calibration.plan.iter().map(|experiment| {
+        let along = reads_along.then(|| match experiment.direction {
+            Some(each) => unbroken(&listed(each, 4)),
+            None => "all coordinates".to_owned(),
+        });
+        let times = experiment.repeats.to_string();
+        PlanRow {
+            q_deg: &experiment.q_deg,
+            wrench: Some(&experiment.wrench),
+            own: along.into_iter().chain([times]).collect(),
         }
-        row.push(experiment.repeats.to_string());
-        row
     });
     let own = ["experiment | times", "experiment | read along | times"];
     (own[usize::from(reads_along)], rows.collect())
 }
 
-/// A row of a plan: number, angles and load, where there is one.
-fn plan_row(index: usize, q_deg: &[f64], wrench: Option<&[f64; 6]>) -> Vec<String> {
-    let mut row = vec![(index + 1).to_string()];
-    row.extend(q_deg.iter().map(|&angle| number(Some(angle), 3)));
-    for half in [0..3, 3..6] {
-        let vector = wrench.map(|wrench| listed(wrench[half].iter().copied(), 4));
-        row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
+/// A row of a plan: angles and load, where there is one, and cells of its own.
+struct PlanRow<'a> {
+    q_deg: &'a [f64],
+    wrench: Option<&'a [f64; 6]>,
+    own: Vec<String>,
+}
+
+impl PlanRow<'_> {
+    fn has_torque(&self) -> bool {
+        self.wrench.is_some_and(|wrench| wrench[3..] != [0.0; 3])
     }
-    row
+
+    /// Its number, angles, force and, where some row has one, torque, and its own cells.
+    fn cells(self, index: usize, has_torque: bool) -> Vec<String> {
+        let mut row = vec![(index + 1).to_string()];
+        row.extend(self.q_deg.iter().map(|&angle| number(Some(angle), 3)));
+        let halves = [(true, 0..3), (has_torque, 3..6)].into_iter();
+        for (_, half) in halves.filter(|(is_shown, _)| *is_shown) {
+            let vector = (self.wrench).map(|wrench| listed(wrench[half].iter().copied(), 4));
+            row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
+        }
+        row.extend(self.own);
+        row
+    }
 }
 
 /// What comes several times, once.

@@ -36,7 +36,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
     let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
     let experiments = header.plans[0].conditions.experiments;
     let caption = format!(
-        "{} runs of each plan {}, {} each, all with the same noise. Each area is the distribution of the residual error; the vertical line is the mean.",
+        "{} runs of each plan {}, {} each, all with the same noise.",
         header.trials,
         header.level.words(),
         counted(experiments.into(), header.accuracy().noun())

@@ -14,24 +14,24 @@ addEventListener("DOMContentLoaded", () => {
     const row = (p, r) => (m[r] * p[0] + m[r + 1] * p[1] + m[r + 2] * p[2]) / 1e4 + m[9 + r / 3];
     return part.points.map(p => [row(p, 0), row(p, 3), row(p, 6)]);
   };
-  // Each part in each scene, and the ball around all that has to be in the picture.
+  // Each part in each scene.
   const world = scenes.map((_, index) => parts.map(part => placed(part, index)));
-  const framed = world.flatMap((all, index) =>
-    [...all.filter((_, part) => parts[part].framed).flat(), scenes[index].arrow_end]);
-  const side = (axis, pick) => framed.reduce((found, point) => pick(found, point[axis]), framed[0][axis]);
+  const everything = [...world.flat(2), ...scenes.flatMap(each => [each.tool, each.arrow_end, ...each.sight || []])];
+  const side = (axis, pick) => everything.reduce((found, point) => pick(found, point[axis]), everything[0][axis]);
   const box = [0, 1, 2].map(axis => [side(axis, Math.min), side(axis, Math.max)]);
   const middle = box.map(([low, high]) => (low + high) / 2);
-  const radius = Math.hypot(...box.map(([low, high]) => (high - low) / 2));
+  // How far all is from the upright axis in the middle, and above and below the middle (mm): it is in the picture however it is turned.
+  const radius = everything.reduce((most, [x, y]) => Math.max(most, Math.hypot(x - middle[0], y - middle[1])), 1);
+  const height = middle[2] - box[2][0];
 
-  // Where a point is seen: pixels to the right and down, and how near it is (mm).
+  // Where a point is seen, all along parallel lines: pixels to the right and down, and how near it is (mm).
   const camera = () => {
     const [ca, sa, ce, se] = [Math.cos(eye.azimuth), Math.sin(eye.azimuth), Math.cos(eye.elevation), Math.sin(eye.elevation)];
-    const scale = 0.5 * Math.min(canvas.width, canvas.height * 1.15) / radius * eye.zoom, distance = 6 * radius;
+    const scale = 0.48 * Math.min(canvas.width / radius, canvas.height / (ce * height + se * radius)) * eye.zoom;
     return point => {
       const [x, y, z] = point.map((value, axis) => value - middle[axis]);
-      const out = ca * x + sa * y, near = ce * out + se * z;
-      const size = scale * distance / Math.max(distance - near, 1);
-      return [canvas.width / 2 + (ca * y - sa * x) * size, canvas.height / 2 - (ce * z - se * out) * size, near];
+      const out = ca * x + sa * y;
+      return [canvas.width / 2 + (ca * y - sa * x) * scale, canvas.height / 2 - (ce * z - se * out) * scale, ce * out + se * z];
     };
   };
 

@@ -1,4 +1,4 @@
-//! The plan in 3D: a figure of a page whose script draws it to be turned, without anything from elsewhere.
+//! The plan in 3D, for the figure of a page whose script draws it to be turned.
 
 use nalgebra::{Isometry3, Point3};
 use serde_json::{Value, json};
@@ -6,27 +6,20 @@ use serde_json::{Value, json};
 use super::scene::{Scene, ScenePart, Scenery};
 
 /// Draws the figure; without it the figure stays hidden.
-const SCRIPT: &str = include_str!("turning.js");
+pub(super) const SCRIPT: &str = include_str!("turning.js");
 
-/// The figure of a plan; nothing of none.
-pub(super) fn view(scenery: &Scenery) -> String {
-    if scenery.scenes.is_empty() {
-        return String::new();
-    }
-    let parts: Vec<Value> = (scenery.parts.iter().enumerate())
+/// What the script draws, as JSON; nothing of no plan.
+pub(super) fn plan(scenery: &Scenery) -> Option<String> {
+    let parts = scenery.parts.iter().enumerate();
+    let parts: Vec<Value> = parts
         .map(|(index, part)| surface(scenery, index, part))
         .collect();
     let scenes: Vec<Value> = scenery.scenes.iter().map(marks).collect();
     let plan = json!({ "parts": parts, "scenes": scenes });
-    format!(
-        "<figure class=\"turning\" hidden><canvas tabindex=\"0\" role=\"img\" aria-label=\"The plan in 3D\" title=\"drag to turn, + and - to zoom, double-click to return\"></canvas>\n\
-         <figcaption><button type=\"button\" aria-label=\"previous\">\u{25c2}</button>\
-         <button type=\"button\" aria-label=\"next\">\u{25b8}</button> <span></span></figcaption></figure>\n\
-         <script type=\"application/json\">{plan}</script>\n<script>\n{SCRIPT}</script>\n"
-    )
+    (!scenery.scenes.is_empty()).then(|| plan.to_string())
 }
 
-/// A surface of the model (whole mm) with its colour, whether it has to be in the picture, and where it is in each scene: rows of the
+/// A surface of the model (whole mm) with its colour, and where it is in each scene: rows of the
 /// rotation (1e-4), then the translation (mm); once if it does not move.
 fn surface(scenery: &Scenery, index: usize, part: &ScenePart) -> Value {
     let scenes = if part.moves {
@@ -42,7 +35,6 @@ fn surface(scenery: &Scenery, index: usize, part: &ScenePart) -> Value {
         .collect();
     json!({
         "colour": colour,
-        "framed": part.is_robot,
         "points": points,
         "triangles": part.mesh.triangles,
         "poses": poses,
