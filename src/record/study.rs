@@ -135,9 +135,9 @@ pub struct HistogramMessage {
 }
 
 impl HistogramMessage {
-    /// Low and high end (mm) of bins as wide as so few runs need, and the share of the runs in each for a unit of the distance's decimal
-    /// logarithm. Scott's rule on the logarithm: `3.49 s n^(-1/3)`.
-    pub fn densities(&self) -> Vec<[f64; 3]> {
+    /// Low and high end (mm) of bins as wide as so few runs need, and the share of the runs in each; by Scott's rule on the logarithm,
+    /// `3.49 s n^(-1/3)`.
+    pub fn bins(&self) -> Vec<[f64; 3]> {
         let bins = self.counts.len();
         let runs = self.counts.iter().sum::<u64>() as f64;
         let place = |index: usize| self.edges_mm[index].log10();
@@ -157,12 +157,15 @@ impl HistogramMessage {
         let ends = (0..=parts)
             .map(|part| part * bins / parts.max(1))
             .collect::<Vec<_>>();
-        let density = |pair: &[usize]| {
+        let bin = |pair: &[usize]| {
             let count: u64 = self.counts[pair[0]..pair[1]].iter().sum();
-            let share = count as f64 / runs / (place(pair[1]) - place(pair[0]));
-            [self.edges_mm[pair[0]], self.edges_mm[pair[1]], share]
+            [
+                self.edges_mm[pair[0]],
+                self.edges_mm[pair[1]],
+                count as f64 / runs,
+            ]
         };
-        ends.windows(2).map(density).collect()
+        ends.windows(2).map(bin).collect()
     }
 }
 

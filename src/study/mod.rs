@@ -5,6 +5,7 @@
 //! - [`robot_level`]: a run of the whole loop on the virtual robot in MuJoCo.
 //! - [`tally`]: what is kept of the runs; exact, so that threads and order change no bit.
 //! - [`runner`]: blocks of runs on all threads.
+//! - [`snapshots`]: after which of them it is looked at how far the study has come.
 //! - [`summary`]: means, intervals, quantiles and checks from a tally.
 //! - [`verdict`]: whether the observed accuracy is the predicted one.
 //! - [`absolute`]: a run of a plan of absolute readings: the virtual robot is read, identified and looked at.

@@ -209,9 +209,14 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
     let [blue, orange, ..] = COLOURS;
     let series = vec![
         Series::new("fitted readings", blue, Mark::Dotted, fitted),
-        Series::new("blocks that were not", orange, Mark::Dotted, predicted),
         Series::new(
-            "\u{b1} error beyond the best",
+            "blocks left out (cross-validation)",
+            orange,
+            Mark::Dotted,
+            predicted,
+        ),
+        Series::new(
+            "\u{b1} error of the difference to the best",
             orange,
             Mark::Segments(3.0),
             bars,
@@ -226,8 +231,9 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
     Chart::new(axes, names, series).file(title)
 }
 
-/// A panel's size, and the height of the title over all (in units of the drawing).
-const PANEL: [f64; 2] = [900.0, 600.0];
+/// A panel's size with the gap below it, and the height of the title over all (in units of the drawing).
+const PANEL: [f64; 2] = [900.0, 630.0];
+const GAP: f64 = 30.0;
 const HEAD: f64 = 50.0;
 /// So many patterns are drawn, and waves at so many places.
 const MOST_PANELS: usize = 6;
@@ -244,7 +250,8 @@ pub fn patterns_plot(title: &str, patterns: &Patterns) -> String {
     for (place, pattern) in found.enumerate() {
         let x = PANEL[0] * (place % columns) as f64;
         let y = PANEL[1] * (place / columns) as f64 + HEAD;
-        let panel = panel(pattern).drawing(PANEL, &panel_title(pattern));
+        let size = [PANEL[0], PANEL[1] - GAP];
+        let panel = panel(pattern).drawing(size, &panel_title(pattern));
         drawings += &format!("<g transform=\"translate({x} {y})\">\n{panel}</g>\n");
     }
     file(size, &drawings)

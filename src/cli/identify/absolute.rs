@@ -76,7 +76,7 @@ impl Identify {
         if let Some(found) = model_selection {
             report.text += &format!("{}\n", crate::cli::model_selection::describe(found));
             if let Some(path) = &self.plot_out {
-                let title = format!("{}: which model the readings pay for", scenario.name);
+                let title = format!("{}: nested models compared", scenario.name);
                 report.save(path, &model_selection_plot(&title, found));
             }
             report.json["model_selection"] = model_selection_json(found);

@@ -42,27 +42,20 @@ fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
 pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let lines = with_runs(lines);
     let range = range(&lines);
-    let shares: Vec<_> = lines
-        .iter()
-        .map(|(runs, _)| runs.histogram.densities())
-        .collect();
-    let highest = (shares.iter().flatten()).fold(f64::MIN_POSITIVE, |most, bin| most.max(bin[2]));
+    let outlines: Vec<_> = (lines.iter().map(|(runs, _)| outline(runs, &range))).collect();
+    let highest =
+        (outlines.iter().flatten()).fold(f64::MIN_POSITIVE, |most, corner| most.max(corner.1));
     let note = |runs: &StudyPlanMessage| format!("mean {}", micrometres(runs.mean_mm));
     let hills = lines.iter().enumerate().flat_map(|(row, (runs, colour))| {
         let foot = middle(lines.len(), row) - 0.46;
-        let inside = |x: &f64| range.contains(x);
-        let bins = shares[row]
-            .iter()
-            .filter(|bin| range.contains(&logarithm(f64::midpoint(bin[0], bin[1]))));
-        let shape: Vec<(f64, f64)> = bins
-            .flat_map(|&[low, high, share]| {
-                let height = foot + FILL * share / highest;
-                [low, high].map(|end| (logarithm(end).clamp(range.start, range.end), height))
-            })
+        let corners = outlines[row].iter();
+        let shape: Vec<_> = corners
+            .map(|(x, share)| (*x, foot + FILL * share / highest))
             .collect();
         let ends = [shape.last(), shape.first()].into_iter().flatten();
         let ends = ends.map(|(x, _)| (*x, foot));
         let closed: Vec<_> = shape.iter().copied().chain(ends).collect();
+        let inside = |x: &f64| range.contains(x);
         let mean = runs.mean_mm.map(logarithm).filter(inside).into_iter();
         let mean = mean.flat_map(|mean| [(mean, foot), (mean, foot + FILL)]);
         [
@@ -146,6 +139,20 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
 pub fn numbers(lines: &[PlanLine<'_>]) -> RecordTable {
     let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
     tables::study(&plans, true)
+}
+
+/// The bins within a range from end to end (logarithms of um), each with the share of the runs for each unit of the axis, so that areas are
+/// shares.
+fn outline(runs: &StudyPlanMessage, range: &Range<f64>) -> Vec<(f64, f64)> {
+    let bins = runs.histogram.bins().into_iter();
+    let bins = bins.map(|[low, high, share]| {
+        let ends = [low, high].map(logarithm);
+        let height = share / (ends[1] - ends[0]);
+        ends.map(|end| (end.clamp(range.start, range.end), height))
+    });
+    bins.filter(|[low, high]| low.0 < high.0)
+        .flatten()
+        .collect()
 }
 
 /// From the smallest to the largest distances that are not rare (logarithms of um).

@@ -195,21 +195,20 @@ fn colours(study: &StudyRecording) -> impl Iterator<Item = u32> {
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would
 /// make the rest a line.
 fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
-    let runs: u64 = histogram.counts.iter().sum();
-    if runs == 0 {
-        return None;
-    }
     let (mut shares, mut starts, mut widths) = (Vec::new(), Vec::new(), Vec::new());
-    let mut drawn = 0;
-    for (edges, count) in histogram.edges_mm.windows(2).zip(&histogram.counts) {
-        if drawn as f64 >= DRAWN * runs as f64 {
+    let mut drawn = 0.0;
+    for [low_mm, high_mm, share] in histogram.bins() {
+        if drawn >= DRAWN {
             break;
         }
-        drawn += count;
-        let width = (edges[1] - edges[0]) * 1e3;
-        shares.push(100.0 * *count as f64 / runs as f64 / width);
-        starts.push(edges[0] * 1e3);
+        drawn += share;
+        let width = (high_mm - low_mm) * 1e3;
+        shares.push(100.0 * share / width);
+        starts.push(low_mm * 1e3);
         widths.push(scene::narrow(width));
+    }
+    if shares.is_empty() {
+        return None;
     }
     Some(
         BarChart::new(shares)
