@@ -314,3 +314,39 @@ fn reasons(tally: &Tally) -> Vec<(String, u64)> {
         .map(|(reason, count)| (reason.text().to_owned(), count))
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every bin of three octaves has so many runs, or every third one.
+    fn histogram(each: u64, step: usize) -> HistogramMessage {
+        let count = |bin| if bin % step == 0 { each } else { 0 };
+        HistogramMessage {
+            edges_mm: (0..=24)
+                .map(|edge| 2.0_f64.powf(f64::from(edge) / 8.0))
+                .collect(),
+            counts: (0..24).map(count).collect(),
+        }
+    }
+
+    #[test]
+    fn bins_are_as_wide_as_the_number_of_runs_needs() {
+        let [few, many] = [histogram(1, 3), histogram(100_000, 1)].map(|each| each.bins());
+        assert!(
+            (2..=4).contains(&few.len()) && few.iter().all(|bin| bin[2] > 0.1),
+            "{few:?}"
+        );
+        assert_eq!(many.len(), 24);
+        for bins in [few, many] {
+            let all: f64 = bins.iter().map(|bin| bin[2]).sum();
+            assert!((all - 1.0).abs() < 1e-12);
+            assert_eq!([bins[0][0], bins[bins.len() - 1][1]], [1.0, 8.0]);
+        }
+        let none = HistogramMessage {
+            edges_mm: Vec::new(),
+            counts: Vec::new(),
+        };
+        assert!(none.bins().is_empty());
+    }
+}

@@ -31,8 +31,8 @@ OPTIONS = [
     "--remote-debugging-pipe",
 ]
 
-# What a person would see: figures with their content, text that is cut off, faint (a contrast below 4.5 to 1, as WCAG 2 has it),
-# or covers other text, and whether the page is wider than the window.
+# What a person would see: figures with their content, text that is cut off, faint (a contrast below 4.5 to 1, as WCAG 2 has it), smaller
+# than 11 px, or covers other text, and whether the page is wider than the window.
 LOOK = r"""
 (() => {
   const box = element => element.getBoundingClientRect();
@@ -71,8 +71,25 @@ LOOK = r"""
     const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
     const drawn = data.filter((value, i) => i % 4 === 3 && value === 255).length / (data.length / 4);
     const before = canvas.toDataURL();
-    canvas.parentElement.querySelector("button[aria-label=next]").click();
-    return { drawn, steps: canvas.toDataURL() !== before, words: canvas.parentElement.innerText };
+    const next = canvas.parentElement.querySelector("button[aria-label=next]");
+    next.click();
+    const steps = canvas.toDataURL() !== before, words = canvas.parentElement.innerText;
+    // However it is turned, nothing reaches the edge.
+    const { width, height } = canvas;
+    const sides = [[0, 0, width, 1], [0, height - 1, width, 1], [0, 0, 1, height], [width - 1, 0, 1, height]];
+    const copy = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d", { willReadFrequently: true });
+    const is_cut = () => {
+      copy.clearRect(0, 0, width, height);
+      copy.drawImage(canvas, 0, 0);
+      return sides.some(side => copy.getImageData(...side).data.some((value, i) => i % 4 === 3 && value === 255));
+    };
+    let cut = 0;
+    for (const key of ["ArrowLeft", "ArrowLeft", "ArrowDown", "ArrowLeft", "ArrowLeft", "ArrowUp", "ArrowLeft", "ArrowUp", "ArrowLeft"]) {
+      for (let i = 0; i < 9; i++) canvas.dispatchEvent(new KeyboardEvent("keydown", { key }));
+      next.click();
+      cut += is_cut();
+    }
+    return { drawn, steps, words, cut };
   });
   const parts = colour => colour.match(/[\d.]+/g).map(Number);
   const luminance = colour => parts(colour).slice(0, 3).map(each => each / 255)
@@ -95,11 +112,16 @@ LOOK = r"""
   const shown = each => each.textContent.trim().slice(0, 60);
   const has_text = each => [...each.childNodes].some(node => node.nodeType === 3 && node.data.trim());
   const faint = elements.filter(each => has_text(each) && contrast(each) < 4.5).map(shown);
+  // The boxes of tables and figures scroll.
+  const scrolls = each => each.matches(".wide") && getComputedStyle(each).overflowX === "auto";
   const cut = elements.filter(each => !each.closest("svg") && each.clientWidth > 0
-    && each.scrollWidth > each.clientWidth + 1).map(shown);
+    && each.scrollWidth > each.clientWidth + 1 && !scrolls(each)).map(shown);
+  // The height of letters as they are rendered.
+  const letters = each => parseFloat(getComputedStyle(each).fontSize) * (each.closest("svg") ? Math.hypot(each.getScreenCTM().a, each.getScreenCTM().b) : 1);
+  const small = elements.filter(each => has_text(each) && letters(each) < 10.95).map(each => `${letters(each).toFixed(1)} px: ${shown(each)}`);
   const root = document.documentElement;
   return {
-    faint, cut,
+    faint, cut, small,
     title: document.title, text: document.body.innerText,
     scripts: document.scripts.length,
     page_px: [root.scrollWidth, root.scrollHeight], window_px: root.clientWidth, figures, views,

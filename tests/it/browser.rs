@@ -52,8 +52,13 @@ fn is_empty(value: &Value) -> bool {
 }
 
 /// Asserts that a person would see the page with its figures, on a screen, on a phone and on paper: no error,
-/// nothing loaded, nothing empty, no text faint, cut off or on other text.
+/// nothing loaded, nothing empty, no text small, faint, cut off or on other text.
 pub fn looks_well(page: &Path, figures: usize) {
+    looks_well_in(page, figures, [1600, 700, 390]);
+}
+
+fn looks_well_in(page: &Path, figures: usize, readable_px: impl IntoIterator<Item = i32>) {
+    let readable_px: Vec<i32> = readable_px.into_iter().collect();
     for (width_px, scheme) in [
         (1600, ""),
         (1600, " --dark"),
@@ -65,11 +70,11 @@ pub fn looks_well(page: &Path, figures: usize) {
             return;
         };
         let place = format!("{} at {width_px} px{scheme}", page.display());
-        // Tables scroll on a phone.
+        assert!(is_empty(&seen["cut"]), "{place}: {}", seen["cut"]);
         assert!(
-            width_px < 700 || is_empty(&seen["cut"]),
+            !readable_px.contains(&width_px) || is_empty(&seen["small"]),
             "{place}: {}",
-            seen["cut"]
+            seen["small"]
         );
         assert!(is_empty(&seen["faint"]), "{place}: {}", seen["faint"]);
         assert!(is_empty(&seen["errors"]), "{place}: {}", seen["errors"]);
@@ -80,6 +85,7 @@ pub fn looks_well(page: &Path, figures: usize) {
         for view in views {
             // A slim arm that is folded up covers little more than half a percent.
             assert!(view["drawn"].as_f64() > Some(0.004), "{place}: {view}");
+            assert_eq!(view["cut"], 0, "{place}: {view}");
             let stills = found_stills(&seen);
             assert_eq!(view["steps"], stills > 1, "{place}: {view}");
             assert!(
@@ -140,7 +146,8 @@ pub fn plot_looks_well(svg: &Path) {
          body {{ margin: 0; background: #fff }} @media screen and (prefers-color-scheme: dark) {{ body {{ background: #171c22 }} }}</style></head><body><div aria-label='plot'>{drawing}</div></body></html>"
     );
     std::fs::write(&page, html).expect("it can be written");
-    looks_well(&page, 1);
+    // A plot is made for a sheet or a screen, not for a phone.
+    looks_well_in(&page, 1, [1600]);
 }
 
 /// Asserts that a page comes out on sheets of a size, and that none of it is cut off there.
@@ -171,7 +178,7 @@ fn the_look_sees_what_is_wrong() {
         "<!DOCTYPE html><html><body><div style='width: 3000px'>wide</div>\
          <svg width='200' height='100' aria-label='two'><text x='10' y='50'>One text</text>\
          <text x='12' y='52'>on another</text><text x='180' y='90'>cut off</text></svg>\
-         <p style='color: #999; background: #fff'>too faint</p>\
+         <p style='color: #999; background: #fff'>too faint</p><p style='font-size: 9px'>tiny</p>\
          <div style='width: 40px; overflow: auto'><p style='width: 60px'>scrolls</p></div>\
          <img src='missing.png'><script>console.log('hello'); nothing.works();</script></body></html>",
     );
@@ -180,6 +187,7 @@ fn the_look_sees_what_is_wrong() {
     };
     assert_eq!(seen["faint"], serde_json::json!(["too faint"]));
     assert_eq!(seen["cut"], serde_json::json!(["scrolls"]));
+    assert_eq!(seen["small"], serde_json::json!(["9.0 px: tiny"]));
     assert_eq!(seen["scripts"], 1);
     assert_eq!(seen["console"], serde_json::json!(["hello"]));
     assert!(!is_empty(&seen["errors"]));

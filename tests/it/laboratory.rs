@@ -830,5 +830,11 @@ fn plans_by_minutes_repeat_where_that_is_cheap() {
             .json();
         number(&json, "needed_minutes")
     };
-    assert!(needed("--by-minutes") < needed(""));
+    assert!(needed("--by-minutes --plot-out time.svg") < needed("--plot-out size.svg"));
+    // What is over time has a time on its axis.
+    let axis = ["time.svg", "size.svg"].map(|plot| {
+        let svg = workplace.read(plot);
+        ["time in the laboratory [min]", "measurements, logarithmic"].map(|name| svg.contains(name))
+    });
+    assert_eq!(axis, [[true, false], [false, true]]);
 }
