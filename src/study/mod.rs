@@ -22,6 +22,7 @@ pub mod robot_level;
 pub mod runner;
 pub mod selection;
 mod settings;
+pub mod snapshots;
 pub mod summary;
 pub mod tally;
 pub mod verdict;

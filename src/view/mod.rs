@@ -8,13 +8,11 @@
 //! - [`plots`]: plots that are files of their own, made of `charts`, as the figures of pages are.
 //! - [`report`]: pages to look at, on [`markup`]; a [`card`] is what their overviews and terminals show.
 //! - [`tables`]: what pages, terminals and texts of recordings list.
-//! - [`mesh`]: the model's shapes as triangles.
 
 pub mod card;
 mod charts;
 pub mod markup;
 pub mod mcap_file;
-pub mod mesh;
 pub mod plots;
 pub mod recording;
 pub mod report;

@@ -4,14 +4,11 @@ use std::ops::Range;
 
 use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
 use crate::identification::patterns::{Pattern, Patterns};
-use crate::identification::{DistanceStatistics, ModelSelection, NestedModel};
+use crate::identification::{ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::study::selection::{Chosen, Selection, choice_name};
 use crate::text::wording::{counted, listed, naming};
-
-/// By what factor lines over numbers of measurements stand beside each other, since many of them nearly agree.
-const ASIDE: f64 = 1.01;
 
 /// What the plot of a budget shows.
 pub struct BudgetPlot<'a> {
@@ -34,33 +31,18 @@ impl BudgetPlot<'_> {
             Some(minutes) => minutes[index],
             None => Some(points[index].experiments.into()),
         };
-        let at = |(index, point): (usize, &BudgetPoint)| Some((place(index)?, point.rho0_m * 1e6));
-        let repeated = repeated_configurations(points);
-        let middle = repeated.len() as f64 / 2.0;
-        let lines = repeated.into_iter().map(Some).chain([None]);
-        let (mut series, mut ring) = (Vec::new(), None);
-        for (index, count) in lines.enumerate() {
-            let aside = match self.minutes {
-                Some(_) => 1.0,
-                None => ASIDE.powf(index as f64 - middle),
-            };
+        let at = |index: usize| Some((place(index)?, points[index].rho0_m * 1e6));
+        let lines = repeated_configurations(points).into_iter().map(Some);
+        let line = |(index, count): (usize, Option<u32>)| {
             let name = count.map(|count| counted(count.into(), "configuration"));
             let name = name.unwrap_or("all different".to_owned());
-            let of_line = points
-                .iter()
-                .enumerate()
-                .filter(|(_, point)| point.configurations == count.unwrap_or(point.experiments));
-            let line = of_line.filter_map(|each| {
-                let (x, rho0) = at(each)?;
-                let size = |each: &BudgetPoint| (each.experiments, each.configurations);
-                if self.needed.map(size) == Some(size(each.1)) {
-                    ring = Some((x * aside, rho0));
-                }
-                Some((x * aside, rho0))
-            });
+            let is_of =
+                |point: &BudgetPoint| point.configurations == count.unwrap_or(point.experiments);
+            let line = (0..points.len()).filter(|&index| is_of(&points[index]));
             let colour = COLOURS[index % COLOURS.len()];
-            series.push(Series::new(&name, colour, Mark::Dotted, line));
-        }
+            Series::new(&name, colour, Mark::Dotted, line.filter_map(at))
+        };
+        let mut series: Vec<Series> = lines.chain([None]).enumerate().map(line).collect();
         if self.minutes.is_none() {
             let mut bound: Vec<(f64, f64)> = (points.iter())
                 .filter_map(|point| {
@@ -72,15 +54,18 @@ impl BudgetPlot<'_> {
             series.push(Series::new("no plan is below", INK, Mark::Dashed, bound));
         }
         let [_, top] = ends(points.iter().map(|point| point.rho0_m));
-        if self.wanted_m < 2.0 * top {
-            let [least, most] = ends((0..points.len()).filter_map(place));
+        let [least, most] = ends((0..points.len()).filter_map(place));
+        if self.wanted_m < 2.0 * top && least <= most {
             let wanted_um = self.wanted_m * 1e6;
             let wanted = [least, most.max(least + 1.0)].map(|at| (at, wanted_um));
             let name = format!("wanted: {} \u{b5}m", listed([wanted_um], 4));
             series.push(Series::new(&name, SOFT, Mark::Line, wanted));
         }
-        if ring.is_some() {
-            series.push(Series::new("needed", INK, Mark::Ring, ring));
+        let size = |each: &BudgetPoint| (each.experiments, each.configurations);
+        let is_needed = |index: &usize| self.needed.map(size) == Some(size(&points[*index]));
+        let needed = (0..points.len()).find(is_needed).and_then(at);
+        if needed.is_some() {
+            series.push(Series::new("needed", INK, Mark::Ring, needed));
         }
         Chart::of_accuracy(series, self.minutes.is_some()).file(title)
     }
@@ -158,43 +143,37 @@ fn heights(all_mm: f64, sizes: &[[Vec<f64>; 2]]) -> Range<f64> {
     reach(kept.map(f64::log10), 0.0, 0.044)
 }
 
+/// What a plot of nested models calls what a model was not fitted to, and the bars there.
+const OTHERS: &str = "blocks left out (cross-validation)";
+const ERROR: &str = "\u{b1} error of the difference to the best";
+
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
 /// is marked. Returns the SVG text.
 pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> String {
     let nested_models: Vec<&NestedModel> = (model_selection.nested_models.iter())
         .chain(&model_selection.with_joint_errors)
         .collect();
-    let rms = |lengths: Option<&DistanceStatistics>| lengths.map(|lengths| lengths.rms * 1e3);
-    let fitted = |nested_model: &NestedModel| rms(nested_model.distances.as_ref());
-    let predicted = |nested_model: &NestedModel| {
-        let judged = nested_model.cross_validation.as_ref().ok()?;
-        rms(judged.distances.as_ref())
-    };
-    let line = |of: &dyn Fn(&NestedModel) -> Option<f64>| -> Vec<(f64, f64)> {
-        let all = nested_models.iter().enumerate();
-        all.filter_map(|(place, nested_model)| Some((place as f64, of(nested_model)?)))
-            .collect()
-    };
-    let nested = model_selection.nested_models.len();
-    let chosen = model_selection.recommendation.as_ref();
-    let chosen = chosen.and_then(|each| {
-        let place = if each.with_joint_errors && nested < nested_models.len() {
-            nested
-        } else {
-            each.nested_model
-        };
-        Some((place as f64, predicted(nested_models.get(place)?)?))
+    let numbered = || nested_models.iter().enumerate();
+    let fitted = numbered().filter_map(|(place, nested_model)| {
+        Some((place as f64, nested_model.distances.as_ref()?.rms * 1e3))
     });
-    // The rms goes with the root of the loss, by whose difference to the smallest one the rule goes.
-    let error = |side: f64| {
-        line(&|nested_model| {
-            let judged = nested_model.cross_validation.as_ref().ok()?;
-            let end = 1.0 + side * judged.standard_error / judged.loss;
-            Some(predicted(nested_model)? * end.max(0.0).sqrt())
-        })
-    };
-    let bars = error(-1.0).into_iter().zip(error(1.0));
-    let bars: Vec<(f64, f64)> = bars.flat_map(<[_; 2]>::from).collect();
+    let fitted: Vec<(f64, f64)> = fitted.collect();
+    let predicted = numbered().filter_map(|(place, nested_model)| {
+        let judged = nested_model.cross_validation.as_ref().ok()?;
+        Some((place, judged.rms_interval_m()?.map(|end_m| end_m * 1e3)))
+    });
+    let predicted: Vec<(usize, [f64; 3])> = predicted.collect();
+    let nested = model_selection.nested_models.len();
+    let chosen = model_selection.recommendation.as_ref().map(|each| {
+        let is_last = each.with_joint_errors && nested < nested_models.len();
+        if is_last { nested } else { each.nested_model }
+    });
+    let at = |(place, ends): &(usize, [f64; 3]), end: usize| (*place as f64, ends[end]);
+    let middles: Vec<(f64, f64)> = predicted.iter().map(|each| at(each, 1)).collect();
+    let bars = predicted.iter().flat_map(|each| [at(each, 0), at(each, 2)]);
+    let bars: Vec<(f64, f64)> = bars.collect();
+    let chosen = predicted.iter().find(|each| chosen == Some(each.0));
+    let chosen = chosen.map(|each| at(each, 1));
     let name = |(place, nested_model): (usize, &&NestedModel)| {
         let name = if place < nested {
             model_selection.name(place)
@@ -203,28 +182,17 @@ pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> St
         };
         format!("{name} ({})", nested_model.unknowns)
     };
-    let [fitted, predicted] = [line(&fitted), line(&predicted)];
-    let all = fitted.iter().chain(&predicted).chain(&bars);
+    let all = fitted.iter().chain(&middles).chain(&bars);
     let top = all.fold(1e-9, |top: f64, (_, value)| top.max(*value));
     let [blue, orange, ..] = COLOURS;
     let series = vec![
         Series::new("fitted readings", blue, Mark::Dotted, fitted),
-        Series::new(
-            "blocks left out (cross-validation)",
-            orange,
-            Mark::Dotted,
-            predicted,
-        ),
-        Series::new(
-            "\u{b1} error of the difference to the best",
-            orange,
-            Mark::Segments(3.0),
-            bars,
-        ),
+        Series::new(OTHERS, orange, Mark::Dotted, middles),
+        Series::new(ERROR, orange, Mark::Segments(3.0), bars),
         Series::new("recommended", INK, Mark::Ring, chosen),
     ];
     let axes = [
-        ChartAxis::named(nested_models.iter().enumerate().map(name)),
+        ChartAxis::named(numbered().map(name)),
         ChartAxis::linear(0.0..top * 1.1, 8),
     ];
     let names = ["parameters (unknowns)", "rms residual [mm]"];

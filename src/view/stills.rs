@@ -241,9 +241,9 @@ fn close_up(camera: &Camera, scene: &Scene) -> [f64; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mujoco::Mesh;
     use crate::mujoco::Shape;
     use crate::plan::read_plan;
-    use crate::view::mesh::Mesh;
 
     fn project(path: &str) -> std::path::PathBuf {
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(path)

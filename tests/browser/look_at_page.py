@@ -89,6 +89,7 @@ LOOK = r"""
       next.click();
       cut += is_cut();
     }
+    canvas.dispatchEvent(new MouseEvent("dblclick"));
     return { drawn, steps, words, cut };
   });
   const parts = colour => colour.match(/[\d.]+/g).map(Number);

@@ -4,10 +4,9 @@ use nalgebra::Isometry3;
 
 use super::{Body, ShownTool, Surface, tool_name};
 use crate::calibration::CalibrationError;
-use crate::mujoco::{Geometry, Model, Shape, State};
+use crate::mujoco::{Geometry, Mesh, Model, Shape, State};
 use crate::scenario::Scenario;
 use crate::task::Instrument;
-use crate::view::mesh::Mesh;
 
 /// Geometries of the model in groups up to this one are drawn, as MuJoCo does by default.
 pub const LAST_SHOWN_GROUP: i32 = 2;

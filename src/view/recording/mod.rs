@@ -11,9 +11,9 @@ use std::ops::Range;
 
 use nalgebra::{DVector, Isometry3, Vector3};
 
-use super::mesh::Mesh;
 use crate::calibration::{Calibration, CalibrationError};
 use crate::laboratory::Costs;
+use crate::mujoco::Mesh;
 use crate::record::absolute_plan::ReadingsRunMessage;
 use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
 use crate::robot::{Commands, Load};

@@ -4,8 +4,8 @@ use base64::{Engine, prelude::BASE64_STANDARD};
 use nalgebra::{Matrix3, Point3, Rotation3, Vector3};
 use serde_json::{Value, json};
 
+use crate::mujoco::Mesh;
 use crate::numeric::tolerance::ends;
-use crate::view::mesh::Mesh;
 
 /// Shades between the darkest and the lightest side of a colour.
 const SHADES: f64 = 7.0;

@@ -5,12 +5,11 @@ use nalgebra::{Isometry3, Point3, Vector3};
 use super::STILL_PX;
 use super::painter::Camera;
 use crate::experiment::Candidate;
-use crate::mujoco::{Geometry, Shape, State};
+use crate::mujoco::{Geometry, Mesh, Shape, State};
 use crate::plan::Plan;
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::station_named;
-use crate::view::mesh::Mesh;
 use crate::view::recording::{LAST_SHOWN_GROUP, ReadingLine, drawn, is_moved};
 
 /// How far above the horizontal the viewer stands (rad).

@@ -96,6 +96,16 @@ pub struct CrossValidation {
     pub angles: Option<DistanceStatistics>,
 }
 
+impl CrossValidation {
+    /// The rms distance from the predicted positions (m) between its ends: it goes with the root of the loss, of which the standard error of
+    /// the difference to the best nested model's is taken off and added.
+    pub fn rms_interval_m(&self) -> Option<[f64; 3]> {
+        let rms = self.distances.as_ref()?.rms;
+        let share = self.standard_error / self.loss;
+        Some([-1.0, 0.0, 1.0].map(|side| rms * (1.0 + side * share).max(0.0).sqrt()))
+    }
+}
+
 struct NestedModelFit {
     added: ParameterGroup,
     groups: Vec<ParameterGroup>,

@@ -1,10 +1,10 @@
-//! The model's shapes as triangles, which both recordings draw.
+//! The model's shapes as triangles, which recordings and stills draw.
 
 use std::f64::consts::{FRAC_PI_2, SQRT_2, TAU};
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use crate::mujoco::Shape;
+use super::Shape;
 
 /// Facets around a shape, and the direction of the first edge between them (facets).
 type Facets = (u32, f64);
