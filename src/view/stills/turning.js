@@ -20,14 +20,17 @@ addEventListener("DOMContentLoaded", () => {
   const side = (axis, pick) => everything.reduce((found, point) => pick(found, point[axis]), everything[0][axis]);
   const box = [0, 1, 2].map(axis => [side(axis, Math.min), side(axis, Math.max)]);
   const middle = box.map(([low, high]) => (low + high) / 2);
-  // How far all is from the upright axis in the middle, and above and below the middle (mm): it is in the picture however it is turned.
-  const radius = everything.reduce((most, [x, y]) => Math.max(most, Math.hypot(x - middle[0], y - middle[1])), 1);
-  const height = middle[2] - box[2][0];
+  // How far each point is from the upright axis in the middle, and above or below the middle (mm).
+  const rims = everything.map(([x, y, z]) => [Math.hypot(x - middle[0], y - middle[1]), Math.abs(z - middle[2])]);
+  const farthest = of => rims.reduce((most, rim) => Math.max(most, of(rim)), 1);
+  const radius = farthest(([across]) => across);
 
   // Where a point is seen, all along parallel lines: pixels to the right and down, and how near it is (mm).
   const camera = () => {
     const [ca, sa, ce, se] = [Math.cos(eye.azimuth), Math.sin(eye.azimuth), Math.cos(eye.elevation), Math.sin(eye.elevation)];
-    const scale = 0.48 * Math.min(canvas.width / radius, canvas.height / (ce * height + se * radius)) * eye.zoom;
+    // However it is turned about the axis, all is in the picture.
+    const height = farthest(([across, up]) => ce * up + se * across);
+    const scale = 0.48 * Math.min(canvas.width / radius, canvas.height / height) * eye.zoom;
     return point => {
       const [x, y, z] = point.map((value, axis) => value - middle[axis]);
       const out = ca * x + sa * y;
