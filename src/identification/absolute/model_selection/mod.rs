@@ -113,6 +113,8 @@ impl AbsoluteCase<'_> {
         let start = self.far_from_frames();
         let mut case = self.without(&start);
         let (mut steps, skipped) = case.climb(weights)?;
+        let highest = steps.len().saturating_sub(1);
+        case.fit_again(&mut steps[highest..])?;
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
             let first = KeptFit {
                 case: case.clone(),
