@@ -340,7 +340,7 @@ fn with_joint_errors(
     let of_fit = (fit, chosen.discrepancy);
     let (all, without) = blocks.with_joint_errors(of_fit, without)?;
     let values = DVector::from_column_slice(&fit.posterior.mean) + &all.shift;
-    let case = blocks.case.displaced(&all.joints);
+    let case = blocks.case.clone().displaced(&all.joints);
     let left = case
         .left(&fit.set.apply(&case.arm, values.as_slice()))
         .ok()?;
