@@ -82,7 +82,7 @@ impl Case<'_> {
         let compliance = &belief.compliance_at(values);
         let chain = &belief.nominal.chain;
         let mut arm = chain.at(&belief.calibration_tool);
-        let mut solver = EquilibriumSolver::new(chain.len());
+        let mut solver = EquilibriumSolver::of_derivatives(chain.len());
         let mut predicted = PredictedRows::new(self, belief.parameters.len());
         for (index, (each, torques)) in self.measurements.iter().zip(torques).enumerate() {
             let commanded = each.configuration_rad.as_slice();

@@ -304,18 +304,19 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
 }
 
 /// Fits anew without what lies far out, until the same does; what was left out, with the last fit. `rejected` lies far out of a first
-/// fit to all. None where nothing does, where too much does, or where there is no other fit.
+/// fit to all; `fit_without` gets the fit before, where there is one without what lay far out. None where nothing does, where too much
+/// does, or where there is no other fit.
 pub(super) fn until_the_same<Fit>(
     mut rejected: Vec<RejectedReading>,
     far_out: impl Fn(&Fit) -> Option<Vec<RejectedReading>>,
-    fit_without: impl Fn(&[RejectedReading]) -> Option<Fit>,
+    fit_without: impl Fn(&[RejectedReading], Option<&Fit>) -> Option<Fit>,
 ) -> Option<(Vec<RejectedReading>, Fit)> {
-    let mut found = None;
+    let mut found: Option<(_, Fit)> = None;
     for _ in 0..ROUNDS {
         if rejected.is_empty() {
             return None;
         }
-        let fit = fit_without(&rejected)?;
+        let fit = fit_without(&rejected, found.as_ref().map(|(_, before)| before))?;
         let next = far_out(&fit)?;
         let readings = |all: &[RejectedReading]| -> Vec<usize> {
             all.iter().map(|each| each.reading).collect()

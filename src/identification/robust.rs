@@ -323,7 +323,7 @@ impl<'a> Case<'a> {
         let (rejected, mut fitted) = outliers::until_the_same(
             rejected,
             |fitted: &SomeFitted<'_>| fitted.over.far_out(),
-            |rejected| {
+            |rejected, _| {
                 let fitted = self.fitted(self.measurements, rejected, &first.posterior.mean);
                 (fitted.ok()).filter(|each| each.identification.rank >= first.rank)
             },

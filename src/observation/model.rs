@@ -86,7 +86,7 @@ impl<'a> ObservationModel<'a> {
         let leans = nominal.leans() || set.parameters().iter().any(|each| each.kind.leans());
         Self {
             chain: belief.loaded_chain(),
-            solver: EquilibriumSolver::new(joints),
+            solver: EquilibriumSolver::of_derivatives(joints),
             state: KinematicState::new(joints),
             state_is_of: (usize::MAX, vec![0.0; joints]),
             hook: KinematicState::new(joints),

@@ -215,7 +215,7 @@ fn compliances_alone_give_the_observation_matrix_and_its_nonlinear_form() {
                 .predict(&setup, kind, &mut derivatives)
                 .expect("stable");
             let compliance = &belief.compliance_rad_per_nm;
-            let mut solver = EquilibriumSolver::new(6);
+            let mut solver = EquilibriumSolver::of_derivatives(6);
             let mut rest = |load: &Load| {
                 solver.solve(&mut arm, compliance, q, load).expect("stable");
                 let sensitivity = solver.sensitivity(compliance).select_columns(&joints);

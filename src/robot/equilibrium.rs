@@ -19,8 +19,10 @@ use super::kinematic_state::{KinematicState, Kinematics, Load};
 /// The last step of a converged solution is no larger than this (rad).
 pub const CONVERGED_RAD: f64 = 1e-12;
 /// Where the tool's place alone is asked for, a plain arm takes a last step as short as this without a new geometry (rad): joints are then
-/// right to some thousandths of its square, the tool's place to rounding.
-const CLOSE_RAD: f64 = 1e-6;
+/// right to some thousandths of its square, the tool's place to rounding ...
+const CLOSE_FOR_PLACES_RAD: f64 = 1e-6;
+/// ... and where derivatives are asked for, too, which are those before the step.
+const CLOSE_FOR_DERIVATIVES_RAD: f64 = 1e-7;
 /// Newton's method needs three or four steps; more than this is a failure.
 pub const MAXIMUM_ITERATIONS: usize = 30;
 /// A deflection beyond this is no longer that of an elastic joint (rad).
@@ -115,15 +117,15 @@ pub struct EquilibriumSolver {
     gradient: DMatrix<f64>,
     system: DMatrix<f64>,
     step: DVector<f64>,
-    /// Whether of the geometry at rest the tool's place alone counts.
-    is_of_places: bool,
+    /// A last step as short as this (rad) is followed without a new geometry.
+    close_rad: Option<f64>,
 }
 
 impl EquilibriumSolver {
     /// A solver for arms of n joints.
     pub fn new(joints: usize) -> Self {
         Self {
-            is_of_places: false,
+            close_rad: None,
             state: KinematicState::new(joints),
             q: DVector::zeros(joints),
             torque: DVector::zeros(joints),
@@ -136,7 +138,15 @@ impl EquilibriumSolver {
     /// The same where of the geometry at rest the tool's place alone counts.
     pub fn of_places(joints: usize) -> Self {
         Self {
-            is_of_places: true,
+            close_rad: Some(CLOSE_FOR_PLACES_RAD),
+            ..Self::new(joints)
+        }
+    }
+
+    /// The same where the tool's place and its derivatives count.
+    pub fn of_derivatives(joints: usize) -> Self {
+        Self {
+            close_rad: Some(CLOSE_FOR_DERIVATIVES_RAD),
             ..Self::new(joints)
         }
     }
@@ -192,12 +202,8 @@ impl EquilibriumSolver {
         commanded_rad: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
-        let is_followed = self.is_of_places && arm.is_plain();
-        let close_rad = if is_followed {
-            CLOSE_RAD
-        } else {
-            CONVERGED_RAD
-        };
+        let followed_rad = self.close_rad.filter(|_| arm.is_plain());
+        let close_rad = followed_rad.unwrap_or(CONVERGED_RAD);
         let mut last_step_rad = f64::INFINITY;
         let mut iterations = 0;
         while iterations < MAXIMUM_ITERATIONS {
@@ -219,7 +225,7 @@ impl EquilibriumSolver {
             // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
             // springs or long ways to slide it is.
             if last_step_rad <= close_rad {
-                if is_followed {
+                if followed_rad.is_some() {
                     self.q += &self.step;
                     self.torque.gemv(1.0, &self.gradient, &self.step, 1.0);
                     self.state.follow(self.step.as_slice());

@@ -88,6 +88,14 @@ fn the_paper_s_robot_gets_its_own_tools() {
         let comment = before.lines().last().expect("a line");
         assert!(comment.starts_with("# GUESS: "), "{comment}");
     }
+    // Joint error functions are there for whoever wants them.
+    let (before, functions) = text.split_once("# [[uncertainty]]\n").expect("a table");
+    let (functions, after) = functions.split_once("\n\n").expect("the next one");
+    let functions = functions.replace("# ", "");
+    assert!(functions.contains("correlation_deg = 3.5"), "{functions}");
+    let with_functions = format!("{before}[[uncertainty]]\n{functions}\n\n{after}");
+    place.write("b.toml", &with_functions);
+    place.run("check b.toml --quiet").ends_with(0);
     place
         .run("plan a.toml --experiments 4 --no-proof --plan-out p.csv --quiet")
         .ends_with(0);

@@ -70,15 +70,14 @@ impl AbsoluteCase<'_> {
     }
 
     /// The same case as if joints had been commanded where they stand by these errors.
-    pub(super) fn displaced(&self, errors: &[JointError]) -> Self {
-        let mut case = self.part_of(|_| true);
-        for each in &mut case.observations {
+    pub(super) fn displaced(mut self, errors: &[JointError]) -> Self {
+        for each in &mut self.observations {
             let commanded = each.setup.commanded_rad.clone();
             for error in errors {
                 each.setup.commanded_rad[error.joint] += error.at(commanded.as_slice());
             }
         }
-        case
+        self
     }
 
     /// Each reading's block of joint space, among so many. Readings of one visit are of one configuration.
@@ -259,7 +258,7 @@ impl<'a> Blocks<'a> {
         let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = |(block, (without, model)): (usize, (&Without, DiscrepancyModel))| {
             let values = &values + &model.shift;
-            let part = self.parts[block].displaced(&model.joints);
+            let part = self.parts[block].clone().displaced(&model.joints);
             let belief = fit.set.apply(&part.arm, values.as_slice());
             Some(Without {
                 left: part.left(&belief).ok()?,

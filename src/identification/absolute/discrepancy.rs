@@ -14,6 +14,8 @@ use crate::parameter::{ElasticArm, ParameterSet};
 
 /// A discrepancy below this is none (m, rad).
 const LEAST_DISCREPANCY: f64 = 1e-9;
+/// Weights that change by no larger share are the same.
+const SETTLED: f64 = 1e-6;
 
 impl AbsoluteCase<'_> {
     /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
@@ -103,8 +105,14 @@ impl AbsoluteCase<'_> {
         for _ in 0..WEIGHINGS {
             self.weigh(found);
             let fit = (self.fitted_readings(set)).fit_from(&values, Haste::Weights)?;
-            found = self.estimated_discrepancy(&fit)?;
+            let next = self.estimated_discrepancy(&fit)?;
             values = self.rebased(&fit);
+            let is_settled =
+                (next.iter().zip(found)).all(|(next, last)| (next - last).abs() <= SETTLED * next);
+            found = next;
+            if is_settled {
+                break;
+            }
         }
         self.weigh(found);
         Ok((self.fit_near(set, values.as_slice())?, Some(found)))

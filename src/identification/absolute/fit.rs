@@ -138,7 +138,7 @@ impl<'a> AbsoluteCase<'a> {
     ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
-            let mut found = self.fit_without(start, &set, weights)?;
+            let mut found = self.fit_without(start, &set, weights, None)?;
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
@@ -243,20 +243,26 @@ impl<'a> AbsoluteCase<'a> {
         Ok(nominal.into_iter().map(left_out).collect())
     }
 
-    /// One fit without some readings.
+    /// One fit without some readings, from near another one.
     fn fit_without(
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
         weights: ReadingWeights,
+        near: Option<&KeptFit<'a>>,
     ) -> FitResult<KeptFit<'a>> {
         let mut case = self.without(rejected);
+        let start = near.map(|near| case.rebased(&near.fit));
         let readings = case.fitted_readings(set);
+        let fit = |haste| match &start {
+            Some(values) => readings.fit_from(values, haste),
+            None => readings.fit_from_frames(haste),
+        };
         let own = match weights {
             ReadingWeights::WithDiscrepancy => None,
-            ReadingWeights::Own => Some(readings.fit_from_frames(Haste::Residuals)?),
+            ReadingWeights::Own => Some(fit(Haste::Residuals)?),
             ReadingWeights::AsNeeded => {
-                match readings.fit_from_frames(Haste::Plausibility) {
+                match fit(Haste::Plausibility) {
                     Ok(fit) => Some(fit),
                     // Readings that the model cannot explain may drive its parameters anywhere.
                     Err(IdentificationError::NotConverged { .. }) => None,
@@ -298,7 +304,7 @@ impl<'a> AbsoluteCase<'a> {
         let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
         if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
-            let all = self.fit_without(&[], set, weights).ok()?;
+            let all = self.fit_without(&[], set, weights, None).ok()?;
             return Some(self.without_far_out(weights, &all).unwrap_or(all));
         }
         if rejected.is_empty()
@@ -311,8 +317,8 @@ impl<'a> AbsoluteCase<'a> {
         let (rejected, mut found) = outliers::until_the_same(
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
-            |rejected| {
-                let found = self.fit_without(rejected, set, weights).ok()?;
+            |rejected, before| {
+                let found = (self.fit_without(rejected, set, weights, before)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;
@@ -323,19 +329,27 @@ impl<'a> AbsoluteCase<'a> {
     /// The fitted frames become those from which their parameters count, but for what is known of some before: the values of a fit (p)
     /// there.
     pub(super) fn rebased(&mut self, fit: &ParameterFit) -> DVector<f64> {
-        let counts = |kind: ParameterKind| !kind.is_mounted() || fit.set.knows_frame_of(kind);
         let bases =
             (self.arm.instrument_from_base.iter_mut()).zip(&fit.belief.instrument_from_base);
         for (station, (base, fitted)) in bases.enumerate() {
-            if !counts(ParameterKind::of_base(station)[0][0]) {
+            if !fit
+                .set
+                .knows_frame_of(ParameterKind::of_base(station)[0][0])
+            {
                 *base = *fitted;
             }
         }
         self.arm.tools.clone_from(&fit.belief.tools);
-        let values = fit.set.parameters().iter().zip(&fit.posterior.mean);
-        let rebased = values.map(|(each, &value)| if counts(each.kind) { value } else { 0.0 });
-        DVector::from_iterator(fit.set.len(), rebased)
+        from_its_frames(fit)
     }
+}
+
+/// The values of a fit (p), counted from the frames that it found, but for what is known of some before.
+pub(super) fn from_its_frames(fit: &ParameterFit) -> DVector<f64> {
+    let counts = |kind: ParameterKind| !kind.is_mounted() || fit.set.knows_frame_of(kind);
+    let values = fit.set.parameters().iter().zip(&fit.posterior.mean);
+    let counted = values.map(|(each, &value)| if counts(each.kind) { value } else { 0.0 });
+    DVector::from_iterator(fit.set.len(), counted)
 }
 
 impl AbsoluteFit {

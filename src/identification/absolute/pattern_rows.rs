@@ -29,7 +29,8 @@ impl AbsoluteCase<'_> {
             *value += shift;
         }
         beside.discrepancy = Some(model.rest);
-        let looked = self.displaced(&model.joints).looked_at(&beside, readings)?;
+        let looked =
+            (self.part_of(|_| true).displaced(&model.joints)).looked_at(&beside, readings)?;
         Ok((!model.joints.is_empty()).then_some(looked))
     }
 

@@ -30,6 +30,9 @@ const GUESSED_SHARE: f64 = 1.0;
 const ZERO_MRAD: f64 = 0.2;
 /// ... and machining of a link (mm), of each coordinate.
 const LINK_MM: f64 = 0.3;
+/// Joint error functions of a real robot: their standard deviation (mrad) and correlation length (deg).
+const FUNCTION_MRAD: f64 = 0.45;
+const FUNCTION_DEG: f64 = 3.5;
 /// As few measurements as a first plan has.
 const LEAST_MEASUREMENTS: usize = 4;
 
@@ -197,7 +200,12 @@ fn priors(arm: &FoundArm, stiffness: &Stiffness) -> String {
             "\n# GUESS: {what}.\n[[uncertainty]]\nkind = \"{kind}\"\njoints = [{joints}]\n{size}\n"
         ))
     });
-    written.collect()
+    let functions = named(&turns).map(|joints| {
+        format!(
+            "\n# Joints' errors as functions of their angles show in absolute accuracy alone. As large as a UR10's, whose gears are harmonic\n# drives (docs/joint_functions.md):\n# [[uncertainty]]\n# kind = \"transmission_error\"\n# joints = [{joints}]\n# std_mrad = {FUNCTION_MRAD}\n# correlation_deg = {FUNCTION_DEG}\n# correlation = \"matern32\"\n"
+        )
+    });
+    written.chain(functions).collect()
 }
 
 fn list(values: impl IntoIterator<Item = f64>) -> String {

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::super::fit::{ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
-use super::fit::KeptFit;
+use super::fit::{KeptFit, from_its_frames};
 use super::{
     AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, ParameterGroup,
     ReadingResidual, ReadingWeights, RejectedReading,
@@ -122,7 +122,9 @@ impl AbsoluteCase<'_> {
         self.count_of_blocks()?;
         let start = self.far_from_frames();
         let mut case = self.without(&start);
-        let (mut steps, mut skipped) = case.climb(weights)?;
+        let (mut steps, skipped) = case.climb(weights)?;
+        let highest = steps.len().saturating_sub(1);
+        case.fit_again(&mut steps[highest..])?;
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
             let first = KeptFit {
                 case: case.clone(),
@@ -138,8 +140,13 @@ impl AbsoluteCase<'_> {
         let mut rejected = start;
         if let Some(found) = far_out {
             (case, rejected) = (found.case, found.rejected);
-            (steps, skipped) = case.climb(weights)?;
+            case.weigh_by(&found.fit, weights)?;
+            for step in &mut steps {
+                // Near enough to the frames of that fit to begin with.
+                step.fit.posterior.mean = from_its_frames(&step.fit).as_slice().to_vec();
+            }
         }
+        case.fit_again(&mut steps)?;
         self.arm.clone_from(&case.arm);
         let blocks = Blocks::new(&case, case.count_of_blocks()?);
         let without: Vec<Result<Vec<Without>, String>> = (steps.par_iter())
@@ -206,7 +213,7 @@ impl AbsoluteCase<'_> {
         Ok(count)
     }
 
-    /// Fits all nested models, each from the one below, in the end all with the same weights; with the groups that make none.
+    /// Fits all nested models, each from the one below and by what that leaves; with the groups that make none.
     fn climb(&mut self, weights: ReadingWeights) -> FitResult<(Vec<NestedModelFit>, Skipped)> {
         let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
         for added in ORDER {
@@ -239,7 +246,12 @@ impl AbsoluteCase<'_> {
                 Err(error) => skipped.push((added, error.to_string())),
             }
         }
-        for step in &mut steps {
+        Ok((steps, skipped))
+    }
+
+    /// Fits nested models from where they are, all with the weights that the readings have now.
+    fn fit_again(&self, steps: &mut [NestedModelFit]) -> FitResult<()> {
+        for step in steps {
             let (set, near) = (&step.fit.set, &step.fit.posterior.mean);
             // By these weights readings may tell what they did not by those of the model below.
             let fit = self.fit_near(&set.clone().without_nominal(), near);
@@ -248,7 +260,7 @@ impl AbsoluteCase<'_> {
                 found => found?,
             };
         }
-        Ok((steps, skipped))
+        Ok(())
     }
 
     /// Weighs readings by what a fit leaves of them, where it is not by their own covariances alone.
@@ -338,7 +350,7 @@ fn with_joint_errors(
     let of_fit = (fit, chosen.discrepancy);
     let (all, without) = blocks.with_joint_errors(of_fit, without)?;
     let values = DVector::from_column_slice(&fit.posterior.mean) + &all.shift;
-    let case = blocks.case.displaced(&all.joints);
+    let case = blocks.case.clone().displaced(&all.joints);
     let left = case
         .left(&fit.set.apply(&case.arm, values.as_slice()))
         .ok()?;
