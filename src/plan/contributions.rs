@@ -15,10 +15,11 @@ use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{
-    ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m, sharing_groups,
-    stand_at, task_rows,
+    Experiment, ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m,
+    sharing_groups, stand_at, task_rows,
 };
 use crate::numeric::posterior::Posterior;
+use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::task::Task;
 use crate::text::wording::significant;
 
@@ -54,26 +55,14 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     readings.resize(extended.sources().count(), 0.0);
     let experiments = ExperimentModel::new(belief);
     let plan = &*as_repeats(plan, experiments.uncertain);
-    let rows = experiments.rows();
     let mut model = experiments.readings();
-    let is_shared = belief.is_shared_by_configuration();
-    for group in sharing_groups(plan, is_shared) {
-        stand_at(&mut model, group[0]);
-        let hung = hung(&group);
-        let covariance = model.covariance_together(&hung);
-        let Some(inverse) = covariance.all().cholesky().map(|factor| factor.inverse()) else {
+    for group in sharing_groups(plan, belief.is_shared_by_configuration()) {
+        let Some((weights, covariance)) = weights_of_readings(&gain, &mut model, &group) else {
             continue;
         };
-        let mut seen = model.derivatives_together(&hung);
-        for (place, (_, repeats)) in hung.iter().enumerate() {
-            seen.rows_mut(rows * place, rows)
-                .scale_mut(f64::from(*repeats).sqrt());
-        }
-        let weighted = &gain * seen.transpose() * inverse;
-        let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
-        noise += added(&covariance.noise);
+        noise += left_by(&weights, &covariance.noise);
         for (square, source) in readings.iter_mut().zip(&covariance.sources) {
-            *square += added(source);
+            *square += left_by(&weights, source);
         }
     }
     let instrument = &belief.instrument;
@@ -100,4 +89,28 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
             .collect(),
         parameters: of_groups.map(|(_, places)| of_group(places)).collect(),
     }
+}
+
+/// K J^T R^-1 of the readings of experiments of one configuration with a gain K, and R as it is believed; none where that is singular.
+pub fn weights_of_readings(
+    gain: &DMatrix<f64>,
+    model: &mut PlannedReadings<'_>,
+    experiments: &[&Experiment],
+) -> Option<(DMatrix<f64>, CovarianceTogether)> {
+    stand_at(model, experiments[0]);
+    let hung = hung(experiments);
+    let covariance = model.covariance_together(&hung);
+    let inverse = covariance.all().cholesky()?.inverse();
+    let mut seen = model.derivatives_together(&hung);
+    let rows = model.rows();
+    for (place, (_, repeats)) in hung.iter().enumerate() {
+        let mut own = seen.rows_mut(rows * place, rows);
+        own *= f64::from(*repeats).sqrt();
+    }
+    Some((gain * seen.transpose() * inverse, covariance))
+}
+
+/// What errors of readings with such a covariance leave (m^2) through their weights.
+pub fn left_by(weights: &DMatrix<f64>, covariance: &DMatrix<f64>) -> f64 {
+    (weights * covariance).dot(weights)
 }

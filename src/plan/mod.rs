@@ -21,6 +21,7 @@ pub use accuracy::{ExperimentModel, as_repeats, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError, violated};
 pub use conditions::less_than_nominal;
 use contributions::parameter_shares;
+pub use contributions::{left_by, weights_of_readings};
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;
 pub use feasibility::{Feasibility, LookingAt, Violation};

@@ -10,17 +10,17 @@
 //!
 //! Nothing is hidden if these are the contributions of the [uncertainty budget](crate::plan::UncertaintyBudget).
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::deviations::{Deviations, by_repeats};
+use super::deviations::Deviations;
 use super::runner::PlanInStudy;
 use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    EARLIER, ExperimentModel, NOISE, Plan, as_repeats, posterior, quantile95_m, sharing_groups,
-    task_rows,
+    EARLIER, ExperimentModel, NOISE, Plan, as_repeats, left_by, posterior, quantile95_m,
+    sharing_groups, task_rows, weights_of_readings,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -164,38 +164,21 @@ impl Account {
         let model = ExperimentModel::new(belief);
         let plan = &*as_repeats(plan, model.uncertain);
         let mut planned = model.readings();
-        let sigma_m = belief.instrument.sigma_m;
-
-        let readings = deviations.readings();
         let mut noise = 0.0;
-        let mut of_sources = vec![0.0; readings.len()];
+        let mut of_sources = vec![0.0; deviations.readings().len()];
         let mut foreign = -deviations.test_poses(task);
-        let is_shared = deviations.is_shared_by_configuration();
-        for group in sharing_groups(plan, is_shared) {
-            let matrices = model.observation_matrices_of(&mut planned, &group);
-            let rows = model.rows();
-            let mut weighted = DMatrix::zeros(gain.nrows(), rows * group.len());
+        for group in sharing_groups(plan, deviations.is_shared_by_configuration()) {
             let seen = deviations.observation_matrices(&model, &group);
-            for (place, (matrix, seen)) in matrices.iter().zip(seen).enumerate() {
-                let own = &gain * matrix.transpose() / sigma_m.powi(2);
-                foreign += &own * seen * f64::from(group[place].repeats);
-                weighted.columns_mut(rows * place, rows).copy_from(&own);
+            let matrices = model.observation_matrices_of(&mut planned, &group);
+            for ((each, matrix), seen) in group.iter().zip(matrices).zip(seen) {
+                let told = matrix.tr_mul(&seen) * f64::from(each.repeats);
+                foreign += &gain * told / belief.instrument.sigma_m.powi(2);
             }
-            let covariances = deviations.covariances(&group);
-            let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
-            let believed = by_repeats(&group, believed, |one, other| (one / other).sqrt());
-            // K J^T R^-1: from weighted rows, sigma L^-1 J, to readings.
-            let weighted = weighted * (believed * sigma_m);
-            let repeats = f64::from(group[0].repeats);
-            let added = |covariance: DMatrix<f64>| {
-                let all = by_repeats(&group, covariance, |one, other| {
-                    (one * other).sqrt() / repeats
-                });
-                (&weighted * all).dot(&weighted) * repeats
-            };
-            noise += added(covariances.noise);
-            for (sum, covariance) in of_sources.iter_mut().zip(covariances.sources) {
-                *sum += added(covariance);
+            let (weights, _) = weights_of_readings(&gain, &mut planned, &group)?;
+            let truth = deviations.covariance(&group);
+            noise += left_by(&weights, &truth.noise);
+            for (sum, covariance) in of_sources.iter_mut().zip(&truth.sources) {
+                *sum += left_by(&weights, covariance);
             }
         }
 
