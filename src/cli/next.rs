@@ -7,9 +7,8 @@ use crate::experiment::{Experiment, write_candidates};
 use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
 use crate::measurement::{Origin, read_measured_so_far};
-use crate::plan::absolute::{
-    AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
-};
+use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, ReadingsWanted};
+use crate::plan::search::CandidateError;
 use crate::plan::{
     Assessment, Feasibility, Plan, Violation, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
@@ -185,7 +184,7 @@ impl Next {
             ..self.readings.wanted(scenario, candidates.as_deref())
         };
         let drawn = wanted.drawn(seed);
-        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let wrong = |error: CandidateError| error.in_file(wanted.path);
         let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         let so_far = planning.prediction(&[]);
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);

@@ -10,8 +10,8 @@ use crate::codes::{Condition, ErrorCode};
 use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
-use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{PlanSize, SearchError, Watch, random_plan};
+use crate::plan::absolute::{AbsolutePlanning, ReadingsWanted};
+use crate::plan::search::{CandidateError, PlanSize, SearchError, Watch, random_plan};
 use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
@@ -131,7 +131,7 @@ fn readings_of<'a>(
     plan: &StudyPlan,
     wanted: &ReadingsWanted<'a>,
     watch: Watcher<'_>,
-) -> Result<StudiedReadings<'a>, AbsolutePlanError> {
+) -> Result<StudiedReadings<'a>, CandidateError> {
     let (task, conditions, groups) = (&setting.task, &setting.conditions, wanted.groups);
     let measurements = conditions.experiments;
     let scaled = |rows: &[Candidate]| -> Vec<Candidate> {
