@@ -5,9 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_printed_as};
 use crate::identification::{Case, Identification};
 use crate::measurement::{Measurement, by_experiment};
-use crate::plan::search::{
-    Bound, PlanSearch, PlanSize, Problem, SearchError, Watch, approximate_design,
-};
+use crate::plan::search::{Bound, PlanSearch, PlanSize, Problem, SearchError, Watch};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::{Belief, Forbidden, Method, Task};
 
@@ -194,18 +192,13 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
     let mut task = left.task.clone();
     task.design.experiments = count;
     let problem = Problem::new(&task, Criterion::TestPose);
-    let approximate = approximate_design(&problem, seed)?;
-    let bound = Bound::new(&task, &approximate);
-    let mut search = PlanSearch {
-        problem,
-        approximate,
-        seed,
-    };
+    let mut search = PlanSearch::new(problem, seed)?;
+    let bound = Bound::new(&task, &search.approximate);
     let size = PlanSize {
         measurements: count,
         configurations: (task.design.configurations).map_or(count, |most| most.min(count)),
     };
-    let design = search.best(size, watch)?;
+    let design = search.best(size, watch, &[])?;
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = left.rho0_m(&design.plan);
     Ok(Rest {

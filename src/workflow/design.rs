@@ -112,7 +112,7 @@ pub fn design(
         seed,
     };
     let designed = Designed {
-        exact: search.best(wanted.size(), watch)?,
+        exact: search.best(wanted.size(), watch, &[])?,
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,

@@ -154,7 +154,7 @@ fn accuracy(
         if m == own || (m as usize) < fewest || m > largest {
             continue;
         }
-        match search.best(PlanSize::all_different(m), watch) {
+        match search.best(PlanSize::all_different(m), watch, &[]) {
             Ok(design) => points.push(point(&design.plan, design.cost)),
             // So few measurements do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
