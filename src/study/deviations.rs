@@ -197,39 +197,36 @@ impl<'a> Deviations<'a> {
         beside(rows, &pose.counted_rows(left))
     }
 
-    /// The place of the torque laws among what is foreign.
+    /// All that differ: what the belief's vector does not have, and then the others.
+    fn all(&self) -> impl Iterator<Item = &Deviation> {
+        let tied = self.tied.iter().map(|(_, deviation)| deviation);
+        self.foreign.iter().chain(tied)
+    }
+
+    /// The column of the torque laws among all that differ.
     pub fn torque_laws(&self) -> Option<usize> {
-        let is_it = |deviation: &Deviation| *deviation == Deviation::TorqueLaws;
-        self.foreign.iter().position(is_it)
+        self.all().position(|each| *each == Deviation::TorqueLaws)
     }
 
-    /// The place of a parameter in the belief's vector, if it has it.
-    pub fn place(&self, kind: ParameterKind) -> Option<usize> {
-        place(self.belief, kind)
-    }
-
-    /// The place of a parameter among the foreign ones.
-    pub fn foreign_place(&self, kind: ParameterKind) -> Option<usize> {
-        let is_it = |deviation: &Deviation| match (deviation, kind) {
-            (Deviation::Compliance(joint, _), ParameterKind::JointCompliance { joint: other }) => {
-                *joint == other
-            }
-            (Deviation::Other(own), kind) => *own == kind,
-            _ => false,
-        };
-        self.foreign.iter().position(is_it)
+    /// The column of a parameter among all that differ.
+    pub fn column(&self, kind: ParameterKind) -> Option<usize> {
+        self.all().position(|deviation| match *deviation {
+            Deviation::Compliance(joint, _) => kind == ParameterKind::JointCompliance { joint },
+            Deviation::Other(own) => own == kind,
+            Deviation::TorqueLaws => false,
+        })
     }
 
     /// Whether a parameter is known, or foreign, in its logarithm.
     fn is_logarithmic(&self, kind: ParameterKind) -> bool {
         let parameters = self.belief.uncertain.set().parameters();
-        (self.place(kind)).is_some_and(|place| parameters[place].is_logarithmic)
+        place(self.belief, kind).is_some_and(|place| parameters[place].is_logarithmic)
     }
 
     /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
     pub fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
         let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
-        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
+        if self.is_logarithmic(kind) || (place(self.belief, kind).is_none() && !is_compliance) {
             deviation
         } else {
             deviation * kind.whole(&self.arm)
@@ -240,7 +237,7 @@ impl<'a> Deviations<'a> {
     fn differs_by(&self, kind: ParameterKind, drawn: f64) -> f64 {
         match kind {
             ParameterKind::SpringStiffness { .. }
-                if self.place(kind).is_some() && !self.is_logarithmic(kind) =>
+                if place(self.belief, kind).is_some() && !self.is_logarithmic(kind) =>
             {
                 kind.whole(&self.arm) * drawn.exp_m1()
             }
@@ -248,39 +245,24 @@ impl<'a> Deviations<'a> {
         }
     }
 
-    /// By how much the compliances of foreign joints are told to be others than nominal (rad/(N m)).
+    /// By how much compliances are told to be others than believed, by their columns among all that differ and in the units of these.
+    /// What an earlier identification says of them is sampled about what it found.
     pub fn told(&self, truth: &Truth) -> Vec<(usize, f64)> {
-        let foreign = self.foreign.iter().enumerate();
-        self.told_of(truth, foreign)
-    }
-
-    /// The same of compliances of which sources say something before, by their places in the belief's vector and in its units. What an
-    /// earlier identification says of them is sampled about what it found.
-    pub fn tied_told(&self, truth: &Truth) -> Vec<(usize, f64)> {
-        let tied = self.tied.iter().filter(|_| self.belief.prior.is_none());
-        self.told_of(truth, tied.map(|(place, deviation)| (*place, deviation)))
-    }
-
-    fn told_of<'d>(
-        &self,
-        truth: &Truth,
-        each: impl Iterator<Item = (usize, &'d Deviation)>,
-    ) -> Vec<(usize, f64)> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
         let own = &truth.robot.compliance_rad_per_nm;
-        each.filter_map(|(place, deviation)| match *deviation {
+        let is_told = |column: usize| column < self.foreign() || self.belief.prior.is_none();
+        let told = self
+            .all()
+            .enumerate()
+            .filter(|(column, _)| is_told(*column));
+        told.filter_map(|(column, deviation)| match *deviation {
             Deviation::Compliance(joint, is_logarithmic) => {
                 let differs = difference(own[joint], nominal[joint], is_logarithmic);
-                Some((place, differs))
+                Some((column, differs))
             }
             _ => None,
         })
         .collect()
-    }
-
-    /// What is new in each reading, in truth.
-    pub fn readings(&self) -> &[ReadingSource] {
-        &self.sources
     }
 
     /// Whether deflections of one configuration share errors, in truth or by the belief.
