@@ -23,7 +23,7 @@ use crate::numeric::random::streams::{drawn_candidates, random_readings};
 use crate::observation::LengthKind;
 use crate::plan::Criterion;
 use crate::plan::search::{
-    CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch, measure,
+    BoundKind, CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch, measure,
 };
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
@@ -184,7 +184,11 @@ impl ReadingsWanted<'_> {
             // Those that were chosen are possible.
             let plan = planning.plan_of(&each.rows).unwrap_or_default();
             // All that were sampled are looked at, and there are others.
-            let bound = planning.bound(&plan)?.map(PlanBound::into_evidence);
+            let bound = planning.bound(&plan)?.map(|all| PlanBound {
+                kind: BoundKind::Evidence,
+                proof: None,
+                ..all
+            });
             let searches = each.found.searches;
             Ok(AbsolutePlan {
                 plan,
