@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::design::{Designed, Wanted};
+use super::design::Designed;
 use super::evidence::gather;
 use super::identify::{FitChoices, IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
@@ -26,7 +26,7 @@ use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::Assessment;
 use crate::plan::absolute::{AbsolutePlan, AbsolutePlanning, PredictedAccuracy, ReadingsWanted};
 use crate::plan::search::{
-    ApproximateDesign, Bound, CandidateError, RepeatsNeeded, SearchError, Watch,
+    ApproximateDesign, Bound, CandidateError, PlanSize, RepeatsNeeded, SearchError, Watch,
     median_random_plan, random_plan, repeats_needed,
 };
 use crate::record::absolute_plan::{
@@ -311,7 +311,7 @@ pub fn run_absolute<'a>(
     let unidentified = |error: IdentificationError| error.in_file(&scenario.path);
 
     // Design.
-    let size = Wanted::by(task).size();
+    let size = PlanSize::wanted_by(task);
     let (planning, found) = (wanted.design(task, size, seed, watch)).map_err(no_plan)?;
 
     // Read, as the plan's file says.

@@ -159,11 +159,7 @@ fn readings_of<'a>(
             ..
         } => {
             let m = experiments.unwrap_or(measurements);
-            let size = PlanSize {
-                measurements: m,
-                configurations: (configurations.or(task.design.configurations))
-                    .map_or(m, |each| each.min(m)),
-            };
+            let size = PlanSize::new(m, configurations.or(task.design.configurations));
             let watch = watch(&plan.name, m);
             let (planning, found) = wanted.design(task, size, seed, watch)?;
             (planning, found.plan)
@@ -218,10 +214,10 @@ fn entry_kind(
             experiments,
             noise_only,
         } => {
+            let configurations = configurations.or(task.design.configurations);
             let wanted = Wanted {
                 criterion: *criterion,
-                experiments: experiments.unwrap_or(wanted),
-                configurations: configurations.or(task.design.configurations),
+                size: PlanSize::new(experiments.unwrap_or(wanted), configurations),
             };
             let mut task = task.clone();
             if *noise_only {

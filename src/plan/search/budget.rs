@@ -74,10 +74,7 @@ pub fn budget(
                 })
         })
         .collect();
-    let own = PlanSize {
-        measurements: task.design.experiments,
-        configurations: (task.design.configurations).unwrap_or(task.design.experiments),
-    };
+    let own = PlanSize::wanted_by(task);
     let mut points: Vec<BudgetPoint> = Vec::new();
     for (index, &size) in sizes.iter().enumerate() {
         if stop.load(Ordering::Relaxed) && !points.is_empty() {
@@ -147,7 +144,7 @@ impl BudgetPoint {
     /// The point of a plan that is measured so many times as a whole; `None` where it does not determine what the test
     /// poses need. What repeats do not average stays.
     pub fn repeated(task: &Task, plan: &Plan, times: u32, bound: &Bound) -> Option<Self> {
-        let plan = repeated(plan, times);
+        let plan = plan.repeated(times);
         let rho0_m = rho0_m(task, &posterior(&task.belief, &plan))?;
         let size = PlanSize::of(&plan);
         Some(Self::new(task, plan, size, rho0_m * rho0_m, bound))
@@ -157,15 +154,6 @@ impl BudgetPoint {
     pub fn lower_bound_m(&self) -> Option<f64> {
         Some(self.bound.as_ref()?.best)
     }
-}
-
-/// A plan with so many times the repeats.
-fn repeated(plan: &Plan, times: u32) -> Plan {
-    let mut plan = plan.clone();
-    for each in &mut plan.experiments {
-        each.repeats = each.repeats.saturating_mul(times);
-    }
-    plan
 }
 
 /// More repeats than these of a plan nobody makes: what is left then stays.
@@ -183,7 +171,7 @@ pub enum RepeatsNeeded {
 /// How many times a plan is to be measured as a whole for an accuracy (m); `None` where it does not determine what the test
 /// poses need.
 pub fn repeats_needed(task: &Task, plan: &Plan, accuracy_m: f64) -> Option<RepeatsNeeded> {
-    let left_m = |times: u32| rho0_m(task, &posterior(&task.belief, &repeated(plan, times)));
+    let left_m = |times: u32| rho0_m(task, &posterior(&task.belief, &plan.repeated(times)));
     let least_m = left_m(ENDLESS)?;
     if least_m > accuracy_m {
         return Some(RepeatsNeeded::Never(least_m));
