@@ -111,7 +111,7 @@
 //! problem.effort.searches = 8; // a quick search
 //! let approximate = approximate_design(&problem, seed)?;
 //! let watch = Watch { stop: &AtomicBool::new(false), progress: &|_, _, _| {} };
-//! let best = exact_design(&problem, &approximate, PlanSize::all_different(4), seed, watch)?;
+//! let best = exact_design(&problem, &approximate, PlanSize::all_different(4), seed, watch, &[])?;
 //! let calibration = calibrate(task, truth, &best.plan, seed, 0)?;
 //! let pose = &calibration.poses[0];
 //! let no_plan_is_below_m = Bound::new(task, &approximate).of_plan(&best.plan)?.best;

@@ -178,7 +178,8 @@ fn search() -> HotPath {
                 stop: &stop,
                 progress: &|_, _, _| {},
             };
-            exact_design(&problem, &bound, PlanSize::all_different(3), 1, watch).expect("a plan")
+            exact_design(&problem, &bound, PlanSize::all_different(3), 1, watch, &[])
+                .expect("a plan")
         })
     })
 }

@@ -4,8 +4,9 @@ use std::sync::atomic::Ordering;
 
 use crate::laboratory::Campaign;
 use crate::laboratory::time::{least_minutes, quickest};
-use crate::plan::absolute::AbsolutePlanError;
-use crate::plan::search::{BudgetPoint, PlanSize, budget, cheapest, repeated_configurations};
+use crate::plan::search::{
+    BudgetPoint, CandidateError, PlanSize, budget, cheapest, repeated_configurations,
+};
 use crate::quantities::plausible::ACCURACY;
 use crate::record::messages::ProvenanceMessage;
 use crate::view::plots::BudgetPlot;
@@ -142,7 +143,7 @@ impl Budget {
         let (common, task, laboratory) = (&self.common, &scenario.task, &scenario.laboratory);
         let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
         let wanted = self.readings.wanted(scenario, candidates.as_deref());
-        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let wrong = |error: CandidateError| error.in_file(wanted.path);
         let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         let says = format!(
             "searching the best plans of up to {} among {}",

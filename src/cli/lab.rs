@@ -41,10 +41,9 @@ pub struct Lab {
 }
 
 /// A plan as it is carried out, with what is taken along.
-struct LaboratoryWork {
-    measurements: u32,
+struct LaboratoryWork<'a> {
+    stills: Stills<'a>,
     campaign: Campaign,
-    sheet: String,
     /// The table to fill in.
     table: String,
     conditions: Vec<Condition>,
@@ -79,28 +78,35 @@ impl Lab {
                 .map(|joint| chain.joints[joint].name.as_str())
                 .collect(),
         };
+        // The pictures of absolute readings are of what may be read.
+        let planning;
         let work = match scenario.task.design.accuracy {
-            AccuracyKind::Relative => self.deflections(&scenario, &axes, dialect.is_some())?,
-            AccuracyKind::Absolute => self.readings(&scenario, &axes, dialect.is_some())?,
+            AccuracyKind::Relative => self.deflections(&scenario)?,
+            AccuracyKind::Absolute => {
+                planning = AbsolutePlanning::of_file(&scenario.task, &[], &self.plan)?;
+                self.readings(&scenario, &planning)?
+            }
         };
+        let (stills, campaign) = (&work.stills, &work.campaign);
+        let sheet = run_sheet(&scenario, stills, campaign, &axes, dialect.is_some())?;
         make_folder(&folder)?;
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
-        let files = files(&program(&work.campaign, gravity, &title))?;
-        let text = describe(work.measurements, &work.campaign, gravity);
+        let files = files(&program(campaign, gravity, &title))?;
+        let text = describe(stills.plan.measurements(), campaign, gravity);
         let mut report = Report::new(Value::Null, text, work.conditions);
-        report.save(&folder.join(RUN_SHEET), &work.sheet);
+        report.save(&folder.join(RUN_SHEET), &sheet);
         for file in &files {
             report.save(&folder.join(&file.name), &file.text);
         }
         let provenance = self.common.provenance(&scenario)?;
         let costs = &scenario.laboratory.costs;
-        let record = campaign_json(&commands, costs, &work.campaign);
+        let record = campaign_json(&commands, costs, campaign);
         report.json = results("lab", &provenance, [record]);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
         report.save(&to_fill, &work.table);
         report.conditions.extend(no_program);
-        let of_campaign = work.campaign.conditions(&scenario.laboratory);
+        let of_campaign = campaign.conditions(&scenario.laboratory);
         report.conditions.extend(of_campaign);
         let record_text = record_text(&mut report.json, &report.conditions)?;
         report.save(&record, &record_text);
@@ -118,12 +124,7 @@ impl Lab {
     }
 
     /// A plan of deflections.
-    fn deflections(
-        &self,
-        scenario: &Scenario,
-        axes: &[&str],
-        has_program: bool,
-    ) -> anyhow::Result<LaboratoryWork> {
+    fn deflections<'a>(&self, scenario: &'a Scenario) -> anyhow::Result<LaboratoryWork<'a>> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
         let plan = read_plan(&self.plan, task.belief.commands())?;
         self.say_looking(plan.experiments.len(), "experiment");
@@ -135,35 +136,28 @@ impl Lab {
             let plan = self.plan.display();
             ConditionCode::Violation.with(format!("{plan}: the plan has {count}: {first}"))
         });
-        let stills = Stills::of_plan(scenario, &plan);
         Ok(LaboratoryWork {
-            measurements: plan.measurements(),
-            sheet: run_sheet(scenario, &stills, &campaign, axes, has_program)?,
             table: to_fill_in(scenario, &plan, &campaign),
+            stills: Stills::of_plan(scenario, &plan),
             conditions: conditions.into_iter().collect(),
             campaign,
         })
     }
 
     /// A plan of absolute readings.
-    fn readings(
+    fn readings<'a>(
         &self,
-        scenario: &Scenario,
-        axes: &[&str],
-        has_program: bool,
-    ) -> anyhow::Result<LaboratoryWork> {
-        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let planning = AbsolutePlanning::of_file(task, &[], &self.plan)?;
+        scenario: &'a Scenario,
+        planning: &'a AbsolutePlanning<'_>,
+    ) -> Result<LaboratoryWork<'a>, FileError> {
         let whole = planning.whole();
         self.say_looking(whole.len(), "absolute reading");
-        let campaign =
-            Campaign::of_readings(task, laboratory, (&planning, &whole), self.keep_order)
-                .map_err(|error| self.wrong(&error))?;
-        let stills = Stills::of_readings(scenario, &planning.readings(&whole));
+        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
+        let campaign = Campaign::of_readings(task, laboratory, (planning, &whole), self.keep_order)
+            .map_err(|error| self.wrong(&error))?;
         Ok(LaboratoryWork {
-            measurements: stills.plan.measurements(),
-            sheet: run_sheet(scenario, &stills, &campaign, axes, has_program)?,
-            table: readings_table(scenario, &planning, &campaign),
+            table: readings_table(scenario, planning, &campaign),
+            stills: Stills::of_readings(scenario, &planning.readings(&whole)),
             conditions: Vec::new(),
             campaign,
         })

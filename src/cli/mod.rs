@@ -281,7 +281,10 @@ impl Report {
 
     /// Notes what became of a file, and says so if it is there.
     fn noted(&mut self, path: &Path, written: Result<(), FileError>) {
-        self.text += &self.written.noted(path, written);
+        if written.is_ok() {
+            self.text += &format!("wrote {}\n", path.display());
+        }
+        self.written.note(path, written);
     }
 
     /// Writes the file that a command is for, and says so.

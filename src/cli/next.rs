@@ -5,11 +5,10 @@ use std::sync::atomic::Ordering;
 
 use crate::experiment::{Experiment, write_candidates};
 use crate::identification::{AbsoluteCase, Case, Robustness};
-use crate::laboratory::next::{Goal, Remaining, Rest, measured_plan, not_measured, rest};
+use crate::laboratory::next::{Remaining, Rest, measured_plan, not_measured, rest};
 use crate::measurement::{Origin, read_measured_so_far};
-use crate::plan::absolute::{
-    AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
-};
+use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, ReadingsWanted};
+use crate::plan::search::CandidateError;
 use crate::plan::{
     Assessment, Feasibility, Plan, Violation, read_plan, rho0_m, take_nearest_turns, write_plan,
 };
@@ -115,13 +114,14 @@ impl Next {
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
         let is_reached =
             matches!((reached_m, wanted_m), (Some(reached), Some(wanted)) if reached <= wanted);
-        let goal = match wanted_m {
-            Some(wanted_m) => Goal::Accuracy(wanted_m, self.experiments.unwrap_or(measured + MORE)),
-            None => Goal::Measurements(total),
-        };
-        let is_all = matches!(goal, Goal::Measurements(total) if total <= measured);
         // What is mandatory is measured whatever is reached.
-        let is_done = left.task.design.mandatory.experiments.is_empty() && (is_reached || is_all);
+        let mandatory = left.task.design.mandatory.measurements();
+        let more = |total: u32| total.saturating_sub(measured).max(mandatory);
+        let counts = match (wanted_m, self.experiments) {
+            (Some(_), most) => mandatory.max(1)..=most.map_or(MORE.max(mandatory), more).max(1),
+            (None, _) => more(total)..=more(total),
+        };
+        let is_done = mandatory == 0 && (is_reached || *counts.end() == 0);
         let found = if is_done {
             text += if is_reached {
                 "That is the accuracy that is wanted: nothing more needs to be measured.\n"
@@ -131,11 +131,13 @@ impl Next {
             None
         } else {
             let mut found = search(&self.common, PLANNING, |watch| {
-                rest(&left, goal, scenario.seed, watch)
+                rest(&left, counts, wanted_m, scenario.seed, watch)
             })?;
             take_nearest_turns(&left.task, scenario.laboratory.home(), &mut found.plan);
             Some(found)
         };
+        let is_enough = |found: &Rest| wanted_m.is_none_or(|wanted_m| found.rho0_m <= wanted_m);
+        let is_reached = is_reached || found.as_ref().is_some_and(is_enough);
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
         // Where nothing is planned there is no other rest to set it beside.
@@ -144,7 +146,7 @@ impl Next {
         if let Some(found) = &found {
             text += &tell(found, old_m);
             let all = measured + found.plan.measurements();
-            conditions.extend(self.unreached(all, found.is_reached));
+            conditions.extend(self.unreached(all, is_reached));
             let violations = Feasibility::new(&left.task).violations(&found.plan);
             let of_experiments = violations.iter().filter(|each| each.experiment.is_some());
             let violation = |each: &Violation| ConditionCode::Violation.with(each.to_string());
@@ -158,7 +160,6 @@ impl Next {
             "plan": plan_messages(&commands, next),
             "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
         });
-        let is_reached = is_reached || found.is_some_and(|found| found.is_reached);
         let rho0_m = found.map(|found| found.rho0_m).or(reached_m);
         let bound_m = found.and_then(|found| found.bound_m);
         let keys = [
@@ -185,7 +186,7 @@ impl Next {
             ..self.readings.wanted(scenario, candidates.as_deref())
         };
         let drawn = wanted.drawn(seed);
-        let wrong = |error: AbsolutePlanError| error.in_file(wanted.path);
+        let wrong = |error: CandidateError| error.in_file(wanted.path);
         let mut planning = wanted.planning(task, seed).map_err(wrong)?;
         let so_far = planning.prediction(&[]);
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);

@@ -5,7 +5,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::laboratory::Campaign;
 use crate::laboratory::time::{TimedPlan, plans_within};
 use crate::plan::search::{
-    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, Problem, SearchError, Watch,
+    ApproximateDesign, Bound, BoundKind, Candidates, Certificate, PlanSize, Problem, SearchError,
+    Watch,
 };
 use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
@@ -56,7 +57,7 @@ pub fn design(
 ) -> Result<(Designed, ApproximateDesign), SearchError> {
     let bar = bar(common.quiet, "searching the plan");
     let prove = |bound: Bound, approximate: &ApproximateDesign| {
-        let sizes = [wanted.experiments];
+        let sizes = [wanted.size.measurements];
         proof.with_effort(common, stop, |effort| {
             bound.prove(approximate, seed, &sizes, effort)
         })
@@ -64,7 +65,7 @@ pub fn design(
     let progress = |bound: &Bound, done: usize, all: usize, cost: f64| {
         show(&bar, done, all);
         if wanted.criterion == Criterion::TestPose {
-            let least = bound.of_size(wanted.experiments).map_or_else(
+            let least = bound.of_size(wanted.size.measurements).map_or_else(
                 |_| String::new(),
                 |bound| format!(", bound {:.4} um", bound.best * 1e6),
             );
@@ -168,16 +169,10 @@ impl PlanCommand {
         }
         args.common.refuse_others("plan", &scenario)?;
         let timed = self.within(&scenario)?;
-        let mut wanted = Wanted {
-            criterion: self.criterion,
-            experiments: scenario.task.design.experiments,
-            configurations: self.configurations.or(scenario.task.design.configurations),
-        };
-        if let Some(found) = wanted
-            .configurations
-            .filter(|found| *found > wanted.experiments)
-        {
-            let most = wanted.experiments;
+        let wanted = &mut scenario.task.design;
+        wanted.configurations = self.configurations.or(wanted.configurations);
+        let (most, found) = (wanted.experiments, wanted.configurations);
+        if let Some(found) = found.filter(|found| *found > most) {
             let problem =
                 format!("found {found}; at most {most}, the number of measurements, are allowed");
             let wrong = FileError::new(&scenario.path, problem).at("--configurations");
@@ -186,11 +181,10 @@ impl PlanCommand {
         if let Some(best) = timed.first() {
             wanted.experiments = best.experiments;
             wanted.configurations = Some(best.configurations);
-            scenario.task.design.experiments = best.experiments;
         }
         let (planned, besides) = match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => self.readings(&scenario, wanted)?,
-            AccuracyKind::Relative => self.deflections(&scenario, wanted, &timed)?,
+            AccuracyKind::Absolute => self.readings(&scenario)?,
+            AccuracyKind::Relative => self.deflections(&scenario, &timed)?,
         };
         let mut report = args.report("plan", &scenario, &planned, besides)?;
         report.text = tell(&timed) + &report.text;
@@ -212,10 +206,9 @@ impl PlanCommand {
     fn readings<'a>(
         &'a self,
         scenario: &'a Scenario,
-        wanted: Wanted,
     ) -> anyhow::Result<(PlannedAccuracy<'a>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
-        let size = wanted.size();
+        let size = PlanSize::wanted_by(task);
         let readings = counted(size.measurements.into(), "absolute reading");
         let rows = args.readings.candidates(scenario)?;
         let chosen = args.readings.wanted(scenario, rows.as_deref());
@@ -252,12 +245,15 @@ impl PlanCommand {
     fn deflections(
         &self,
         scenario: &Scenario,
-        wanted: Wanted,
         timed: &[TimedPlan],
     ) -> anyhow::Result<(PlannedAccuracy<'static>, Report)> {
         let (args, task, seed) = (&self.args, &scenario.task, scenario.seed);
         let candidates = args.read_candidates(task)?;
-        let of = match (&candidates, wanted.configurations) {
+        let wanted = Wanted {
+            criterion: self.criterion,
+            size: PlanSize::wanted_by(task),
+        };
+        let of = match (&candidates, task.design.configurations) {
             (Some(all), _) => format!(
                 " among {}",
                 counted(all.experiments.len() as u64, "candidate")
@@ -267,7 +263,7 @@ impl PlanCommand {
         };
         let says = format!(
             "designing a plan of {}{of} for the criterion {}",
-            counted(wanted.experiments.into(), "measurement"),
+            counted(wanted.size.measurements.into(), "measurement"),
             self.criterion.name()
         );
         let (mut designed, certificate) = if let Some(candidates) = &candidates {
@@ -289,12 +285,11 @@ impl PlanCommand {
         let minutes = (self.minutes.zip(timed.first()))
             .map(|(most, timed)| keep_in_time(scenario, plan, timed, &turned, most));
         let assessment = designed.assessment(task);
-        let size = wanted.size();
         let json = json!({
             "plan": plan_messages(&task.belief.commands(), &designed.exact.plan),
             "criterion": self.criterion.name(),
             "minutes": minutes,
-            "configurations": size.configurations.min(size.measurements),
+            "configurations": wanted.size.configurations,
             "elapsed_s": designed.elapsed_s,
             "searches": designed.exact.searches,
             "searches_agreeing": designed.exact.agreeing,

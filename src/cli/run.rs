@@ -3,8 +3,8 @@
 use crate::files::make_folder;
 use crate::identification::ReadingWeights;
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
-use crate::plan::search::{Bound, Watch};
-use crate::plan::take_nearest_turns;
+use crate::plan::search::{Bound, PlanSize, Watch};
+use crate::plan::{Criterion, take_nearest_turns};
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::shell_path;
 use crate::view::card::Card;
@@ -121,7 +121,10 @@ impl Run {
     /// The loop with a plan of deflections.
     fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Looped<'static>> {
         let (common, task, seed) = (&self.common, &scenario.task, scenario.seed);
-        let wanted = Wanted::by(task);
+        let wanted = Wanted {
+            criterion: Criterion::TestPose,
+            size: PlanSize::wanted_by(task),
+        };
         let (mut designed, approximate) = design(common, task, seed, wanted, &self.proof, &STOP)?;
         take_nearest_turns(task, scenario.laboratory.home(), &mut designed.exact.plan);
         proceed()?;

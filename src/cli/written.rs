@@ -49,14 +49,6 @@ impl Written {
         }
     }
 
-    /// Notes what became of a file, and says so if it is there.
-    pub fn noted(&mut self, path: &Path, written: Result<(), FileError>) -> String {
-        let there = written.as_ref().ok();
-        let said = there.map(|()| format!("wrote {}\n", path.display()));
-        self.note(path, written);
-        said.unwrap_or_default()
-    }
-
     /// Writes a file of text, and notes what became of it.
     pub fn save(&mut self, path: &Path, text: &str) {
         self.note(path, write_whole(path, text.as_bytes()));

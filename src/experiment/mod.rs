@@ -184,6 +184,15 @@ impl Plan {
         })
     }
 
+    /// The same, measured so many times as a whole.
+    pub fn repeated(&self, times: u32) -> Self {
+        let mut plan = self.clone();
+        for each in &mut plan.experiments {
+            each.repeats = each.repeats.saturating_mul(times);
+        }
+        plan
+    }
+
     /// The number m of measurements, repeats counted.
     pub fn measurements(&self) -> u32 {
         self.experiments.iter().map(|each| each.repeats).sum()

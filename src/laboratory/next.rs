@@ -1,13 +1,13 @@
 //! What to measure next, after some of a plan is measured.
 
+use std::ops::RangeInclusive;
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_printed_as};
 use crate::identification::{Case, Identification};
 use crate::measurement::{Measurement, by_experiment};
-use crate::plan::search::{
-    Bound, PlanSearch, PlanSize, Problem, SearchError, Watch, approximate_design,
-};
+use crate::plan::search::{Bound, PlanSearch, PlanSize, Problem, SearchError, Watch};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::task::{Belief, Forbidden, Method, Task};
 
@@ -127,15 +127,6 @@ impl Remaining {
     }
 }
 
-/// How many measurements a campaign is to have in all.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Goal {
-    /// So many.
-    Measurements(u32),
-    /// As few as give this accuracy (m), but no more than so many.
-    Accuracy(f64, u32),
-}
-
 /// The rest of a campaign.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Rest {
@@ -145,32 +136,21 @@ pub struct Rest {
     pub rho0_m: f64,
     /// No rest of as many measurements predicts a smaller one (m), as far as is known.
     pub bound_m: Option<f64>,
-    /// Whether the goal is reached.
-    pub is_reached: bool,
 }
 
-/// Plans the rest of a campaign.
+/// Plans the rest of a campaign: of so many measurements, the first number that gives an accuracy (m), or else the last.
 pub fn rest(
     left: &Remaining,
-    goal: Goal,
+    counts: RangeInclusive<u32>,
+    wanted_m: Option<f64>,
     seed: u64,
     watch: Watch<'_>,
 ) -> Result<Rest, SearchError> {
-    let mandatory = left.task.design.mandatory.measurements();
-    let more = |total: u32| total.saturating_sub(left.measured).max(mandatory);
-    let (first, last) = match goal {
-        Goal::Measurements(total) => (more(total), more(total)),
-        Goal::Accuracy(_, most) => (mandatory.max(1), more(most).max(1)),
-    };
     let mut result = None;
-    for count in first..=last {
+    for count in counts {
         match planned(left, count, seed, watch) {
-            Ok(mut rest) => {
-                rest.is_reached = match goal {
-                    Goal::Measurements(_) => true,
-                    Goal::Accuracy(wanted_m, _) => rest.rho0_m <= wanted_m,
-                };
-                let is_reached = rest.is_reached;
+            Ok(rest) => {
+                let is_reached = wanted_m.is_none_or(|wanted_m| rest.rho0_m <= wanted_m);
                 result = Some(Ok(rest));
                 if is_reached {
                     break;
@@ -194,24 +174,14 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
     let mut task = left.task.clone();
     task.design.experiments = count;
     let problem = Problem::new(&task, Criterion::TestPose);
-    let approximate = approximate_design(&problem, seed)?;
-    let bound = Bound::new(&task, &approximate);
-    let mut search = PlanSearch {
-        problem,
-        approximate,
-        seed,
-    };
-    let size = PlanSize {
-        measurements: count,
-        configurations: (task.design.configurations).map_or(count, |most| most.min(count)),
-    };
-    let design = search.best(size, watch)?;
+    let mut search = PlanSearch::new(problem, seed)?;
+    let bound = Bound::new(&task, &search.approximate);
+    let design = search.best(PlanSize::wanted_by(&task), watch, &[])?;
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = left.rho0_m(&design.plan);
     Ok(Rest {
         rho0_m: prediction.unwrap_or(design.cost.sqrt()),
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),
         plan: design.plan,
-        is_reached: false,
     })
 }

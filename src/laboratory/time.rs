@@ -3,7 +3,7 @@
 
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
-use crate::plan::search::{PlanSearch, PlanSize, Problem, SearchError, Watch, approximate_design};
+use crate::plan::search::{PlanSearch, PlanSize, Problem, SearchError, Watch};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::robot::ReadsAlong;
 use crate::task::{Loading, Task};
@@ -105,14 +105,9 @@ pub fn plans_within(
 ) -> Result<Vec<TimedPlan>, SearchError> {
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
-    let approximate = approximate_design(&problem, seed)?;
     let fewest = problem.fewest();
     let mut search = TimeSearch {
-        plans: PlanSearch {
-            problem,
-            approximate,
-            seed,
-        },
+        plans: PlanSearch::new(problem, seed)?,
         laboratory,
         minutes,
     };
@@ -188,7 +183,7 @@ impl TimeSearch<'_> {
                 measurements: experiments,
                 configurations,
             };
-            let plan = match self.plans.best(size, watch) {
+            let plan = match self.plans.best(size, watch, &[]) {
                 Ok(design) => design.plan,
                 Err(SearchError::Singular { .. }) => break,
                 Err(error) => return Err(error),

@@ -40,7 +40,7 @@ pub fn designs(
             measurements: experiments,
             configurations,
         };
-        let exact = exact_design(&problem, &approximate, size, scenario.seed, watch)?;
+        let exact = exact_design(&problem, &approximate, size, scenario.seed, watch, &[])?;
         designs.push(DesignedPlan {
             experiments,
             configurations,

@@ -79,7 +79,7 @@ impl<'a> ExperimentModel<'a> {
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
         let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
-        if is_shared && experiments.len() > 1 {
+        if is_shared {
             return self.rows_together(model, experiments);
         }
         let experiments = experiments.iter();
@@ -94,6 +94,9 @@ impl<'a> ExperimentModel<'a> {
         model: &mut PlannedReadings<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
+        if let [only] = experiments {
+            return vec![self.rows_of(model, only)];
+        }
         stand_at(model, experiments[0]);
         let rows = model.observe_together(&hung(experiments));
         rows.into_iter()
@@ -102,11 +105,7 @@ impl<'a> ExperimentModel<'a> {
     }
 
     /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
-    pub fn rows_of(
-        &self,
-        model: &mut PlannedReadings<'_>,
-        experiment: &Experiment,
-    ) -> DMatrix<f64> {
+    fn rows_of(&self, model: &mut PlannedReadings<'_>, experiment: &Experiment) -> DMatrix<f64> {
         let size = model.parameters();
         let blocks = self.rows() / 3;
         let mut matrix = Matrix3xX::zeros(blocks * size);

@@ -11,14 +11,17 @@
 //!
 //! All are those of the one gain, so that their squares add up to the square of the whole.
 
+use std::iter::repeat;
+
 use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{
-    ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m, sharing_groups,
-    stand_at, task_rows,
+    Experiment, ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m,
+    sharing_groups, stand_at, task_rows,
 };
 use crate::numeric::posterior::Posterior;
+use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::task::Task;
 use crate::text::wording::significant;
 
@@ -50,32 +53,12 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
     let belief = &task.belief;
     let extended = &belief.uncertain;
     let gain = task_rows(task) * &posterior.covariance;
-    let (mut noise, mut readings) = (0.0, Vec::new());
-    readings.resize(extended.sources().count(), 0.0);
-    let experiments = ExperimentModel::new(belief);
-    let plan = &*as_repeats(plan, experiments.uncertain);
-    let rows = experiments.rows();
-    let mut model = experiments.readings();
-    let is_shared = belief.is_shared_by_configuration();
-    for group in sharing_groups(plan, is_shared) {
-        stand_at(&mut model, group[0]);
-        let hung = hung(&group);
-        let covariance = model.covariance_together(&hung);
-        let Some(inverse) = covariance.all().cholesky().map(|factor| factor.inverse()) else {
-            continue;
-        };
-        let mut seen = model.derivatives_together(&hung);
-        for (place, (_, repeats)) in hung.iter().enumerate() {
-            seen.rows_mut(rows * place, rows)
-                .scale_mut(f64::from(*repeats).sqrt());
-        }
-        let weighted = &gain * seen.transpose() * inverse;
-        let added = |covariance: &DMatrix<f64>| (&weighted * covariance).dot(&weighted);
-        noise += added(&covariance.noise);
-        for (square, source) in readings.iter_mut().zip(&covariance.sources) {
-            *square += added(source);
-        }
-    }
+    let (noise, readings) = left_by_readings(
+        task,
+        (plan, belief.is_shared_by_configuration()),
+        &gain,
+        |_, believed| believed,
+    );
     let instrument = &belief.instrument;
     let is_of_positions = instrument.rotation_sigma_rad.is_none();
     let input = common(plan.experiments.iter().map(|each| match each.direction {
@@ -96,8 +79,54 @@ fn squares(task: &Task, plan: &Plan, posterior: &Posterior) -> Squares {
         before: belief.prior.as_ref().map(|_| before()),
         readings: (extended.sources())
             .map(|(_, source)| source.level())
-            .zip(readings)
+            .zip(readings.into_iter().chain(repeat(0.0)))
             .collect(),
         parameters: of_groups.map(|(_, places)| of_group(places)).collect(),
     }
+}
+
+/// What the noise of readings, and what each source of errors adds to it, leave (m^2) with a gain K of the belief, where deflections of
+/// one configuration may share errors; their covariance in truth follows from that which is believed.
+pub fn left_by_readings(
+    task: &Task,
+    (plan, is_shared): (&Plan, bool),
+    gain: &DMatrix<f64>,
+    in_truth: impl Fn(&[&Experiment], CovarianceTogether) -> CovarianceTogether,
+) -> (f64, Vec<f64>) {
+    let experiments = ExperimentModel::new(&task.belief);
+    let plan = &*as_repeats(plan, experiments.uncertain);
+    let mut model = experiments.readings();
+    let (mut noise, mut of_sources) = (0.0, Vec::new());
+    for group in sharing_groups(plan, is_shared) {
+        let Some((weights, believed)) = weights_of_readings(gain, &mut model, &group) else {
+            continue;
+        };
+        let left_by = |covariance: &DMatrix<f64>| (&weights * covariance).dot(&weights);
+        let covariance = in_truth(&group, believed);
+        noise += left_by(&covariance.noise);
+        of_sources.resize(covariance.sources.len(), 0.0);
+        for (sum, source) in of_sources.iter_mut().zip(&covariance.sources) {
+            *sum += left_by(source);
+        }
+    }
+    (noise, of_sources)
+}
+
+/// K J^T R^-1 of the readings of experiments of one configuration with a gain K, and R as it is believed; none where that is singular.
+fn weights_of_readings(
+    gain: &DMatrix<f64>,
+    model: &mut PlannedReadings<'_>,
+    experiments: &[&Experiment],
+) -> Option<(DMatrix<f64>, CovarianceTogether)> {
+    stand_at(model, experiments[0]);
+    let hung = hung(experiments);
+    let covariance = model.covariance_together(&hung);
+    let inverse = covariance.all().cholesky()?.inverse();
+    let mut seen = model.derivatives_together(&hung);
+    let rows = model.rows();
+    for (place, (_, repeats)) in hung.iter().enumerate() {
+        let mut own = seen.rows_mut(rows * place, rows);
+        own *= f64::from(*repeats).sqrt();
+    }
+    Some((gain * seen.transpose() * inverse, covariance))
 }

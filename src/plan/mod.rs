@@ -20,6 +20,7 @@ pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 pub use accuracy::{ExperimentModel, as_repeats, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError, violated};
 pub use conditions::less_than_nominal;
+pub use contributions::left_by_readings;
 use contributions::parameter_shares;
 pub use criterion::{Criterion, CriterionFunction, no_wider_than_high};
 pub use factorisation::LANES;

@@ -1,11 +1,12 @@
 //! The records of what a designed plan is shown beside.
 
 use serde::{Serialize, Serializer};
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::messages::ExperimentMessage;
+use super::messages::plan_messages;
 use super::study::StudyPlanMessage;
-use crate::plan::search::BudgetPoint;
+use crate::plan::search::{BudgetPoint, CriterionPlan};
+use crate::robot::Commands;
 
 /// What a designed plan is shown beside, and what its bound rests on.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -18,8 +19,8 @@ pub struct EvidenceMessage {
     pub trials: u64,
     /// Many runs of each plan by the linear model.
     pub study: Vec<StudyPlanMessage>,
-    /// The best plans for other criteria.
-    pub criteria_compared: Vec<CriterionPlanMessage>,
+    /// The best plans for other criteria, see [`criterion_plan_json`].
+    pub criteria_compared: Vec<Value>,
     /// The best accuracy that was found for other numbers of measurements.
     #[serde(serialize_with = "written")]
     pub accuracy: Vec<BudgetPoint>,
@@ -30,20 +31,19 @@ pub struct EvidenceMessage {
     pub lower_bounds_rho0_mm: Vec<Option<f64>>,
 }
 
-/// The best plan for a criterion, judged at the test poses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CriterionPlanMessage {
-    /// The criteria that the plan is best for.
-    pub criteria: Vec<String>,
-    /// Its predicted rms distance at the test poses (mm).
-    pub rho0_mm: Option<f64>,
-    /// How many searches ended in a plan as good for these criteria.
-    pub searches_agreeing: Option<usize>,
-    /// Why there is no plan, where there is none.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub problem: Option<String>,
-    /// The plan.
-    pub plan: Vec<ExperimentMessage>,
+/// The best plan for some criteria, with what it predicts at the test poses; how many searches ended in a plan as good for these, or why
+/// there is none.
+pub fn criterion_plan_json(commands: &Commands, best: &CriterionPlan) -> Value {
+    let mut record = json!({
+        "criteria": best.criteria,
+        "rho0_mm": best.rho0_m.map(|value| value * 1e3),
+        "searches_agreeing": best.agreeing,
+        "plan": plan_messages(commands, &best.plan),
+    });
+    if let Some(problem) = &best.problem {
+        record["problem"] = json!(problem);
+    }
+    record
 }
 
 /// The accuracy and the bound for each number of measurements and of configurations.

@@ -6,7 +6,7 @@ use strum::VariantArray;
 use crate::csv::word_field;
 use crate::study::Conditions;
 use crate::study::account::{Account, Contribution};
-use crate::study::summary::{Measured, Summary};
+use crate::study::summary::{Measured, QUANTILES};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{Kept, MonteCarloOutcome, STANDARD_ERRORS, numerical_tolerance};
 use crate::task::AccuracyKind;
@@ -180,11 +180,15 @@ impl StudyPlanMessage {
         (account, predicted_quantile95_m): (Option<&Account>, Option<f64>),
     ) -> Self {
         let reference = reference.filter(|&other| !std::ptr::eq(other, tally));
-        let summary = Summary::new(tally, conditions.sigma_m, reference);
-        let summary = summary.as_ref();
-        let of =
-            |value: &dyn Fn(&Summary) -> f64| summary.map(value).filter(|value| value.is_finite());
-        let ratio = summary.and_then(|summary| summary.ratio_to_random);
+        let sigma_m = conditions.sigma_m;
+        let runs = Some(tally).filter(|tally| tally.runs > 0);
+        let finite = |value: Option<f64>| value.filter(|value| value.is_finite());
+        let of = |value: fn(&Tally) -> f64| finite(runs.map(value));
+        let measured_m = |value: fn(&Tally) -> Measured| Some(value(runs?).times(sigma_m));
+        let (mean_m, rms_m) = (measured_m(Tally::mean), measured_m(Tally::rms));
+        let ratio = runs
+            .zip(reference)
+            .and_then(|(tally, other)| tally.ratio_to(other));
         let (edges, counts) = tally.histogram();
         Self {
             name: name.to_owned(),
@@ -195,32 +199,37 @@ impl StudyPlanMessage {
             runs: tally.runs,
             failed: tally.failures(),
             failures: reasons(tally),
-            mean_mm: of(&|each| each.mean_m.value * 1e3),
-            mean_std_mm: of(&|each| each.mean_m.standard_error * 1e3),
-            mean_ci95_mm: summary.map(|each| each.mean_m.interval95().map(|value| value * 1e3)),
-            rms_mm: of(&|each| each.rms_m.value * 1e3),
-            rms_std_mm: of(&|each| each.rms_m.standard_error * 1e3),
-            predicted_rms_mm: of(&|each| each.predicted_rms_m * 1e3),
+            mean_mm: finite(mean_m.map(|each| each.value * 1e3)),
+            mean_std_mm: finite(mean_m.map(|each| each.standard_error * 1e3)),
+            mean_ci95_mm: mean_m.map(|each| each.interval95().map(|value| value * 1e3)),
+            rms_mm: finite(rms_m.map(|each| each.value * 1e3)),
+            rms_std_mm: finite(rms_m.map(|each| each.standard_error * 1e3)),
+            predicted_rms_mm: of(Tally::predicted_rms).map(|each| each * sigma_m * 1e3),
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
-            verdict: (account.zip(summary)).map(|(account, each)| account.verdict(each.rms_m)),
-            validation: (predicted_quantile95_m.zip(summary)).map(|(predicted_m, each)| {
-                let standard_m =
-                    account.map_or(each.predicted_rms_m, |account| account.predicted_m);
-                ValidationMessage::new(predicted_m, standard_m, each.radius95_m)
+            verdict: (account.zip(rms_m)).map(|(account, rms_m)| account.verdict(rms_m)),
+            validation: (predicted_quantile95_m.zip(measured_m(Tally::radius95))).map(
+                |(predicted_m, radius95_m)| {
+                    let standard_m = account.map_or_else(
+                        || tally.predicted_rms() * sigma_m,
+                        |account| account.predicted_m,
+                    );
+                    ValidationMessage::new(predicted_m, standard_m, radius95_m)
+                },
+            ),
+            quantiles_mm: runs.map(|tally| {
+                let quantile = |share| tally.quantile(share).unwrap_or(f64::NAN);
+                QUANTILES.map(|share| quantile(share) * sigma_m * 1e3)
             }),
-            quantiles_mm: summary.map(|each| each.quantiles_m.map(|value| value * 1e3)),
             histogram: HistogramMessage {
-                edges_mm: (edges.iter())
-                    .map(|edge| edge * conditions.sigma_m * 1e3)
-                    .collect(),
+                edges_mm: (edges.iter()).map(|edge| edge * sigma_m * 1e3).collect(),
                 counts,
             },
-            z: of(&|each| each.z),
-            nees: of(&|each| each.nees),
+            z: of(Tally::z),
+            nees: of(Tally::nees),
             nees_expected: expected(tally).unwrap_or(parameters),
-            nees_z: of(&|each| each.nees_z),
+            nees_z: of(Tally::nees_z),
             coverage95: tally.coverage(),
             mean_ratio_to_random: ratio.map(|ratio| ratio.value),
             mean_ratio_to_random_ci95: ratio.map(|ratio| ratio.interval95()),

@@ -184,7 +184,7 @@ impl<'a> ReadingRuns<'a> {
         run: u64,
     ) -> Result<ReadingsRun, FailedRun> {
         let no_reading = |error: &dyn ToString| Failure::Measurement.because(error);
-        (robots.become_run_of(&self.truth, self.read.len(), seed, run))
+        (robots.become_run_of(&self.truth, self.read.count(), seed, run))
             .map_err(|error| no_reading(&error))?;
         let frames = self.read.frames(robots, seed, run);
         let readings =
@@ -235,7 +235,7 @@ impl<'a> ReadingRuns<'a> {
         seed: u64,
         run: u64,
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
-        robots.become_run_of(&self.truth, self.read.len(), seed, run)?;
+        robots.become_run_of(&self.truth, self.read.count(), seed, run)?;
         self.read.readings(self.task, robots, seed, run)
     }
 

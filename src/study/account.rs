@@ -10,17 +10,17 @@
 //!
 //! Nothing is hidden if these are the contributions of the [uncertainty budget](crate::plan::UncertaintyBudget).
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use super::deviations::{Deviations, by_repeats};
+use super::deviations::Deviations;
 use super::runner::PlanInStudy;
 use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
-    EARLIER, ExperimentModel, NOISE, Plan, as_repeats, posterior, quantile95_m, sharing_groups,
-    task_rows,
+    EARLIER, ExperimentModel, NOISE, Plan, as_repeats, left_by_readings, posterior, quantile95_m,
+    sharing_groups, task_rows,
 };
 use crate::task::Task;
 use crate::testbed::Truth;
@@ -161,128 +161,105 @@ impl Account {
         let predicted_m = posterior.variance_of(&rows).ok()?.sqrt();
         let gain = &rows * &posterior.covariance;
         let deviations = Deviations::new(belief, truth);
-        let model = ExperimentModel::new(belief);
-        let plan = &*as_repeats(plan, model.uncertain);
-        let mut planned = model.readings();
-        let sigma_m = belief.instrument.sigma_m;
-
-        let readings = deviations.readings();
-        let mut noise = 0.0;
-        let mut of_sources = vec![0.0; readings.len()];
-        let mut foreign = -deviations.test_poses(task);
-        let is_shared = deviations.is_shared_by_configuration();
-        for group in sharing_groups(plan, is_shared) {
-            let matrices = model.observation_matrices_of(&mut planned, &group);
-            let rows = model.rows();
-            let mut weighted = DMatrix::zeros(gain.nrows(), rows * group.len());
-            let seen = deviations.observation_matrices(&model, &group);
-            for (place, (matrix, seen)) in matrices.iter().zip(seen).enumerate() {
-                let own = &gain * matrix.transpose() / sigma_m.powi(2);
-                foreign += &own * seen * f64::from(group[place].repeats);
-                weighted.columns_mut(rows * place, rows).copy_from(&own);
-            }
-            let covariances = deviations.covariances(&group);
-            let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
-            let believed = by_repeats(&group, believed, |one, other| (one / other).sqrt());
-            // K J^T R^-1: from weighted rows, sigma L^-1 J, to readings.
-            let weighted = weighted * (believed * sigma_m);
-            let repeats = f64::from(group[0].repeats);
-            let added = |covariance: DMatrix<f64>| {
-                let all = by_repeats(&group, covariance, |one, other| {
-                    (one * other).sqrt() / repeats
-                });
-                (&weighted * all).dot(&weighted) * repeats
-            };
-            noise += added(covariances.noise);
-            for (sum, covariance) in of_sources.iter_mut().zip(covariances.sources) {
-                *sum += added(covariance);
-            }
-        }
-
+        let bias = bias(task, &deviations, plan, &gain);
+        // What one unit of a parameter leaves; nothing where it does not differ, or nothing is known of it before.
+        let left_by_one = |kind: ParameterKind| {
+            let column = deviations
+                .column(kind)
+                .map(|column| bias.column(column).into_owned());
+            column.unwrap_or_else(|| DVector::zeros(bias.nrows()))
+        };
+        let plan = (plan, deviations.is_shared_by_configuration());
+        let (noise, of_sources) =
+            left_by_readings(task, plan, &gain, |group, _| deviations.covariance(group));
         let part = |name: &str, is_hidden, square: f64| {
             Contribution::new(name, is_hidden, Some(square.max(0.0).sqrt()))
         };
         let mut parts = vec![part(NOISE, false, noise)];
-        let precision = belief.precision();
         if belief.prior.is_some() {
-            parts.push(part(
-                EARLIER,
-                false,
-                earlier(&deviations, task, truth, &gain, &foreign),
-            ));
+            let square = earlier(task, truth, &gain, left_by_one);
+            parts.push(part(EARLIER, false, square));
         }
-        let mut next_source = 0;
+        let mut of_sources = of_sources.into_iter();
         for each in &truth.uncertainties {
             let square = match &each.source {
-                Source::Reading(_) => {
-                    next_source += 1;
-                    of_sources[next_source - 1]
+                Source::Reading(_) => of_sources.next().unwrap_or(0.0),
+                Source::Plan(parameters) => {
+                    let own = parameters.iter().map(|&(kind, deviation)| {
+                        let deviation = deviations.in_units(kind, deviation);
+                        left_by_one(kind).norm_squared() * deviation.powi(2)
+                    });
+                    own.sum::<f64>() + with_earlier(task, truth, &gain, &each.name)
                 }
-                Source::Plan(parameters) => (parameters.iter())
-                    .map(|&(kind, deviation)| {
-                        let effect = match deviations.place(kind) {
-                            Some(place) => &gain * precision.column(place),
-                            None => foreign.column(deviations.foreign_place(kind)?).into_owned(),
-                        };
-                        Some(effect.norm_squared() * deviations.in_units(kind, deviation).powi(2))
-                    })
-                    .sum::<Option<f64>>()
-                    .map_or(0.0, |square| {
-                        square + with_earlier(task, truth, &gain, &each.name)
-                    }),
             };
             // A belief in noise alone knows of none.
             let is_hidden = each.is_hidden || belief.uncertain.is_plain();
             parts.push(part(&each.name, is_hidden, square));
         }
         // Compliances that the scenario says to be others than believed.
-        let (told, tied) = (deviations.told(truth), deviations.tied_told(truth));
-        if told.iter().chain(&tied).any(|(_, value)| *value != 0.0) {
-            let mut effect = DVector::zeros(foreign.nrows());
-            for (place, value) in told {
-                effect.axpy(value, &foreign.column(place), 1.0);
-            }
-            for (place, value) in tied {
-                effect -= &gain * precision.column(place) * value;
+        let told = deviations.told(truth);
+        if told.iter().any(|(_, value)| *value != 0.0) {
+            let mut effect = DVector::zeros(bias.nrows());
+            for (column, value) in told {
+                effect.axpy(value, &bias.column(column), 1.0);
             }
             parts.push(part("true robot", true, effect.norm_squared()));
         } else if truth.robot.model.path() != belief.nominal.model.path() {
             // How much a robot of another model leaves is not computed.
             parts.push(Contribution::new("true robot", true, None));
         }
-        if let Some(place) = deviations.torque_laws() {
-            parts.push(part(
-                "torque_law",
-                true,
-                foreign.column(place).norm_squared(),
-            ));
+        if let Some(column) = deviations.torque_laws() {
+            let square = bias.column(column).norm_squared();
+            parts.push(part("torque_law", true, square));
         }
         Some(Self { predicted_m, parts })
     }
 }
 
-/// What an earlier identification's errors leave (m^2) with a gain K, and with what foreign parameters do at the test poses.
-fn earlier(
+/// What one unit of each parameter that differs leaves (m) with a gain K, for those that the belief does not have and for the others:
+/// K sum J^T R^-1 Z - `C_h`, and -K `M_0`.
+fn bias(
+    task: &Task,
     deviations: &Deviations<'_>,
+    plan: &Plan,
+    gain: &DMatrix<f64>,
+) -> DMatrix<f64> {
+    let belief = &task.belief;
+    let model = ExperimentModel::new(belief);
+    let plan = &*as_repeats(plan, model.uncertain);
+    let mut planned = model.readings();
+    let mut foreign = -deviations.test_poses(task);
+    for group in sharing_groups(plan, deviations.is_shared_by_configuration()) {
+        let seen = deviations.observation_matrices(&model, &group);
+        let matrices = model.observation_matrices_of(&mut planned, &group);
+        for ((each, matrix), seen) in group.iter().zip(matrices).zip(seen) {
+            let told = matrix.tr_mul(&seen) * f64::from(each.repeats);
+            foreign += gain * told / belief.instrument.sigma_m.powi(2);
+        }
+    }
+    let pulled = -(gain * belief.precision().select_columns(&deviations.tied()));
+    let (first, count) = (foreign.ncols(), pulled.ncols());
+    let mut all = foreign.resize_horizontally(first + count, 0.0);
+    all.columns_mut(first, count).copy_from(&pulled);
+    all
+}
+
+/// What an earlier identification's errors leave (m^2) with a gain K, and with what one unit of a parameter leaves.
+fn earlier(
     task: &Task,
     truth: &Truth,
     gain: &DMatrix<f64>,
-    foreign: &DMatrix<f64>,
+    left_by_one: impl Fn(ParameterKind) -> DVector<f64>,
 ) -> f64 {
     let belief = &task.belief;
     let Some(drawn) = (truth.earlier.as_ref()).filter(|drawn| !drawn.joints.is_empty()) else {
         return (gain * belief.uncertain.earlier() * gain.transpose()).trace();
     };
-    let precision = belief.precision();
     let joints = drawn.joints.iter();
     let compliances = joints.map(|&joint| ParameterKind::JointCompliance { joint });
-    let effects = compliances.chain(drawn.kept.iter().copied()).map(|kind| {
-        let pulled = |place: usize| -(gain * precision.column(place));
-        let seen = |place: usize| foreign.column(place).into_owned();
-        let own = deviations.place(kind).map(pulled);
-        own.or_else(|| deviations.foreign_place(kind).map(seen))
-            .unwrap_or_else(|| DVector::zeros(gain.nrows()))
-    });
+    let effects = compliances
+        .chain(drawn.kept.iter().copied())
+        .map(left_by_one);
     let effects: Vec<DVector<f64>> = effects.collect();
     let left = DMatrix::from_columns(&effects) * &drawn.spread;
     let sources = truth.uncertainties.iter();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Cholesky, DMatrix, Vector6};
 
-use crate::compensation::{test_pose_matrix, uncompensated_rows, weighted_rows};
+use crate::compensation::{uncompensated_rows, weighted_rows};
 use crate::numeric::random::normal::LANES;
 use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::parameter::{
@@ -24,20 +24,6 @@ enum Deviation {
     TorqueLaws,
 }
 
-/// The covariances of the readings of one configuration (m^2, m rad, rad^2), three rows each, or six where rotations are read; as
-/// [`crate::observation::CovarianceTogether`] has them.
-#[derive(Debug, Clone)]
-pub struct Covariances {
-    /// As it is believed.
-    pub believed: DMatrix<f64>,
-    /// The instrument's own noise.
-    pub noise: DMatrix<f64>,
-    /// What each source adds in truth.
-    pub sources: Vec<DMatrix<f64>>,
-    /// As it is.
-    pub all: DMatrix<f64>,
-}
-
 /// All that may differ.
 #[derive(Debug, Clone)]
 pub struct Deviations<'a> {
@@ -53,10 +39,8 @@ pub struct Deviations<'a> {
     /// The true robot, where some of its joints are no springs.
     unlike_springs: Option<TrueRobot>,
     arm: ElasticArm,
-    /// The foreign parameters, where they are more than compliances or more than noise is believed in.
-    set: Option<ParameterSet>,
-    /// Their joints.
-    joints: Vec<usize>,
+    /// The foreign parameters.
+    set: ParameterSet,
     /// What is new in each reading, as it is believed and as it is.
     believed: Vec<ReadingSource>,
     sources: Vec<ReadingSource>,
@@ -79,15 +63,9 @@ impl<'a> Deviations<'a> {
             .collect();
         let extended = &belief.uncertain;
         let has_laws = !truth.robot.torque_laws.is_empty();
-        let is_plain = extended.has_closed_forms()
-            && truth.uncertainties.is_empty()
-            && truth.kept().is_empty();
-        let unknowns = (joints.iter())
-            .map(|&joint| (ParameterKind::JointCompliance { joint }, None))
+        let unknowns = (joints.iter().map(|&joint| (of_joint(joint), None)))
             .chain(foreign_kinds.iter().map(|&kind| (kind, Some(1.0))));
-        let set = (!is_plain)
-            .then(|| ParameterSet::new(&arm, unknowns).ok())
-            .flatten();
+        let set = ParameterSet::new(&arm, unknowns);
         let reading = |each: &crate::parameter::Uncertainty| match &each.source {
             Source::Reading(source) => Some(source.clone()),
             Source::Plan(_) => None,
@@ -110,8 +88,7 @@ impl<'a> Deviations<'a> {
             sources: truth.uncertainties.iter().filter_map(reading).collect(),
             belief,
             arm,
-            set,
-            joints,
+            set: set.unwrap_or_else(|_| ParameterSet::empty()),
         }
     }
 
@@ -152,12 +129,7 @@ impl<'a> Deviations<'a> {
                 Deviation::Compliance(joint, is_logarithmic) => {
                     let log = drawn(ParameterKind::JointCompliance { joint }, lane);
                     let k = true_rad_per_nm[joint][lane] * log.exp();
-                    let differs = if is_logarithmic {
-                        log_ratio(k, nominal[joint])
-                    } else {
-                        k - nominal[joint]
-                    };
-                    differs / sigma_m
+                    difference(k, nominal[joint], is_logarithmic) / sigma_m
                 }
                 Deviation::Other(kind) => self.differs_by(kind, drawn(kind, lane)) / sigma_m,
                 Deviation::TorqueLaws => 1.0 / sigma_m,
@@ -179,28 +151,8 @@ impl<'a> Deviations<'a> {
         model: &ExperimentModel<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        let rows = match (&self.set, experiments) {
-            (Some(set), [only]) => {
-                vec![model.rows_of(&mut self.readings_of(set, 0, &self.believed), only)]
-            }
-            (Some(set), _) => {
-                model.rows_together(&mut self.readings_of(set, 0, &self.believed), experiments)
-            }
-            (None, [only]) => {
-                let compliances = ExperimentModel {
-                    parameters: &self.joints,
-                    uncertain: None,
-                    ..model.clone()
-                };
-                vec![compliances.observation_matrix(only)]
-            }
-            (None, _) => {
-                let each = experiments.iter();
-                return each
-                    .flat_map(|only| self.observation_matrices(model, &[*only]))
-                    .collect();
-            }
-        };
+        let mut readings = self.readings_of(&self.set, 0, &self.believed);
+        let rows = model.rows_together(&mut readings, experiments);
         let Some(robot) = &self.unlike_springs else {
             return rows;
         };
@@ -233,14 +185,9 @@ impl<'a> Deviations<'a> {
 
     fn test_pose(&self, pose: &TestPose) -> DMatrix<f64> {
         let target = self.arm.tools.len() - 1;
-        let rows = match &self.set {
-            None => test_pose_matrix(self.belief, pose, &self.joints),
-            Some(set) => {
-                let sizes = vec![1.0; set.len()];
-                let model = PlannedReadings::at_test_pose(&self.arm, target, set, &sizes);
-                uncompensated_rows(model, pose)
-            }
-        };
+        let sizes = vec![1.0; self.set.len()];
+        let model = PlannedReadings::at_test_pose(&self.arm, target, &self.set, &sizes);
+        let rows = uncompensated_rows(model, pose);
         let Some(robot) = &self.unlike_springs else {
             return rows;
         };
@@ -250,39 +197,36 @@ impl<'a> Deviations<'a> {
         beside(rows, &pose.counted_rows(left))
     }
 
-    /// The place of the torque laws among what is foreign.
+    /// All that differ: what the belief's vector does not have, and then the others.
+    fn all(&self) -> impl Iterator<Item = &Deviation> {
+        let tied = self.tied.iter().map(|(_, deviation)| deviation);
+        self.foreign.iter().chain(tied)
+    }
+
+    /// The column of the torque laws among all that differ.
     pub fn torque_laws(&self) -> Option<usize> {
-        let is_it = |deviation: &Deviation| *deviation == Deviation::TorqueLaws;
-        self.foreign.iter().position(is_it)
+        self.all().position(|each| *each == Deviation::TorqueLaws)
     }
 
-    /// The place of a parameter in the belief's vector, if it has it.
-    pub fn place(&self, kind: ParameterKind) -> Option<usize> {
-        place(self.belief, kind)
-    }
-
-    /// The place of a parameter among the foreign ones.
-    pub fn foreign_place(&self, kind: ParameterKind) -> Option<usize> {
-        let is_it = |deviation: &Deviation| match (deviation, kind) {
-            (Deviation::Compliance(joint, _), ParameterKind::JointCompliance { joint: other }) => {
-                *joint == other
-            }
-            (Deviation::Other(own), kind) => *own == kind,
-            _ => false,
-        };
-        self.foreign.iter().position(is_it)
+    /// The column of a parameter among all that differ.
+    pub fn column(&self, kind: ParameterKind) -> Option<usize> {
+        self.all().position(|deviation| match *deviation {
+            Deviation::Compliance(joint, _) => kind == ParameterKind::JointCompliance { joint },
+            Deviation::Other(own) => own == kind,
+            Deviation::TorqueLaws => false,
+        })
     }
 
     /// Whether a parameter is known, or foreign, in its logarithm.
     fn is_logarithmic(&self, kind: ParameterKind) -> bool {
         let parameters = self.belief.uncertain.set().parameters();
-        (self.place(kind)).is_some_and(|place| parameters[place].is_logarithmic)
+        place(self.belief, kind).is_some_and(|place| parameters[place].is_logarithmic)
     }
 
     /// A standard deviation of a parameter in the unit of its column: compliances that are identified are linear.
     pub fn in_units(&self, kind: ParameterKind, deviation: f64) -> f64 {
         let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
-        if self.is_logarithmic(kind) || (self.place(kind).is_none() && !is_compliance) {
+        if self.is_logarithmic(kind) || (place(self.belief, kind).is_none() && !is_compliance) {
             deviation
         } else {
             deviation * kind.whole(&self.arm)
@@ -293,7 +237,7 @@ impl<'a> Deviations<'a> {
     fn differs_by(&self, kind: ParameterKind, drawn: f64) -> f64 {
         match kind {
             ParameterKind::SpringStiffness { .. }
-                if self.place(kind).is_some() && !self.is_logarithmic(kind) =>
+                if place(self.belief, kind).is_some() && !self.is_logarithmic(kind) =>
             {
                 kind.whole(&self.arm) * drawn.exp_m1()
             }
@@ -301,40 +245,24 @@ impl<'a> Deviations<'a> {
         }
     }
 
-    /// By how much the compliances of foreign joints are told to be others than nominal (rad/(N m)).
+    /// By how much compliances are told to be others than believed, by their columns among all that differ and in the units of these.
+    /// What an earlier identification says of them is sampled about what it found.
     pub fn told(&self, truth: &Truth) -> Vec<(usize, f64)> {
         let nominal = &self.belief.nominal.compliance_rad_per_nm;
-        let value = |&joint: &usize| truth.robot.compliance_rad_per_nm[joint] - nominal[joint];
-        self.joints.iter().map(value).enumerate().collect()
-    }
-
-    /// The same of compliances of which sources say something before, by their places in the belief's vector and in its units. What an
-    /// earlier identification says of them is sampled about what it found.
-    pub fn tied_told(&self, truth: &Truth) -> Vec<(usize, f64)> {
-        if self.belief.prior.is_some() {
-            return Vec::new();
-        }
-        let nominal = &self.belief.nominal.compliance_rad_per_nm;
-        let value = |deviation: &Deviation| match *deviation {
+        let own = &truth.robot.compliance_rad_per_nm;
+        let is_told = |column: usize| column < self.foreign() || self.belief.prior.is_none();
+        let told = self
+            .all()
+            .enumerate()
+            .filter(|(column, _)| is_told(*column));
+        told.filter_map(|(column, deviation)| match *deviation {
             Deviation::Compliance(joint, is_logarithmic) => {
-                let [own, nominal] =
-                    [&truth.robot.compliance_rad_per_nm, nominal].map(|all| all[joint]);
-                Some(if is_logarithmic {
-                    log_ratio(own, nominal)
-                } else {
-                    own - nominal
-                })
+                let differs = difference(own[joint], nominal[joint], is_logarithmic);
+                Some((column, differs))
             }
             _ => None,
-        };
-        let tied = self.tied.iter();
-        tied.filter_map(|(place, deviation)| Some((*place, value(deviation)?)))
-            .collect()
-    }
-
-    /// What is new in each reading, in truth.
-    pub fn readings(&self) -> &[ReadingSource] {
-        &self.sources
+        })
+        .collect()
     }
 
     /// Whether deflections of one configuration share errors, in truth or by the belief.
@@ -356,16 +284,9 @@ impl<'a> Deviations<'a> {
         model.covariance_together(&hung(experiments))
     }
 
-    /// The covariance of the readings of experiments of one configuration as it is believed, and what each source adds in truth
-    /// (m^2).
-    pub fn covariances(&self, experiments: &[&Experiment]) -> Covariances {
-        let truth = self.together(&self.sources, experiments);
-        Covariances {
-            believed: self.together(&self.believed, experiments).all(),
-            all: truth.all(),
-            sources: truth.sources,
-            noise: truth.noise,
-        }
+    /// The covariance of the readings of experiments of one configuration, in truth.
+    pub fn covariance(&self, experiments: &[&Experiment]) -> CovarianceTogether {
+        self.together(&self.sources, experiments)
     }
 
     /// H with H H^T the covariance of the whitened noise of the readings of experiments of one configuration, where that is not what
@@ -374,12 +295,17 @@ impl<'a> Deviations<'a> {
         if self.believed == self.sources {
             return None;
         }
-        let covariances = self.covariances(experiments);
-        let believed = Cholesky::new(covariances.believed)?.l().try_inverse()?;
-        let half = believed * Cholesky::new(covariances.all)?.l();
-        Some(by_repeats(experiments, half, |one, other| {
-            (one / other).sqrt()
-        }))
+        let [believed, truth] = [&self.believed, &self.sources]
+            .map(|sources| Cholesky::new(self.together(sources, experiments).all()));
+        let mut half = believed?.l().try_inverse()? * truth?.l();
+        let rows = half.nrows() / experiments.len();
+        for (row, one) in experiments.iter().enumerate() {
+            for (column, other) in experiments.iter().enumerate() {
+                let mut block = half.view_mut((rows * row, rows * column), (rows, rows));
+                block *= (f64::from(one.repeats) / f64::from(other.repeats)).sqrt();
+            }
+        }
+        Some(half)
     }
 
     fn readings_of<'b>(
@@ -394,29 +320,21 @@ impl<'a> Deviations<'a> {
     }
 }
 
+/// By how much a compliance differs from another, or its logarithm.
+fn difference(compliance: f64, nominal: f64, is_logarithmic: bool) -> f64 {
+    if is_logarithmic {
+        log_ratio(compliance, nominal)
+    } else {
+        compliance - nominal
+    }
+}
+
 /// Columns with another after them.
 fn beside(columns: DMatrix<f64>, last: &DMatrix<f64>) -> DMatrix<f64> {
     let place = columns.ncols();
     let mut columns = columns.insert_column(place, 0.0);
     columns.column_mut(place).copy_from(&last.column(0));
     columns
-}
-
-/// Every block of a matrix for experiments of one configuration, times a factor of the repeats of both.
-pub fn by_repeats(
-    experiments: &[&Experiment],
-    mut matrix: DMatrix<f64>,
-    factor: impl Fn(f64, f64) -> f64,
-) -> DMatrix<f64> {
-    let rows = matrix.nrows() / experiments.len();
-    for (row, one) in experiments.iter().enumerate() {
-        for (column, other) in experiments.iter().enumerate() {
-            let factor = factor(f64::from(one.repeats), f64::from(other.repeats));
-            let mut block = matrix.view_mut((rows * row, rows * column), (rows, rows));
-            block *= factor;
-        }
-    }
-    matrix
 }
 
 /// What runs draw of parameters that the whole plan shares.

@@ -180,9 +180,5 @@ pub fn repeated(plan: &Plan, experiments: u32) -> Option<Plan> {
     if once == 0 || !experiments.is_multiple_of(once) {
         return None;
     }
-    let mut plan = plan.clone();
-    for each in &mut plan.experiments {
-        each.repeats *= experiments / once;
-    }
-    Some(plan)
+    Some(plan.repeated(experiments / once))
 }

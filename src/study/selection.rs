@@ -309,8 +309,8 @@ impl Chooser<'_> {
             test_poses: self.positions.clone(),
             beside: self.before.clone(),
             told: self.told.clone(),
-            most: vec![1; self.told.len()],
-            configurations: (0..self.told.len()).collect(),
+            most: vec![1; self.told.count()],
+            configurations: (0..self.told.count()).collect(),
             sharing: None,
         }
     }
@@ -403,7 +403,7 @@ impl Chooser<'_> {
     fn random(&self, size: u32, draw: u32) -> Chosen {
         let number = (u64::from(size) << 32) + u64::from(draw);
         let mut random = generator(self.wanted.seed, streams::random_choice(number));
-        let mut chosen = index::sample(&mut random, self.told.len(), size as usize).into_vec();
+        let mut chosen = index::sample(&mut random, self.told.count(), size as usize).into_vec();
         chosen.sort_unstable();
         self.judged(&chosen)
     }

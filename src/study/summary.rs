@@ -18,78 +18,98 @@ impl Measured {
         let half = TWO_SIDED_95 * self.standard_error;
         [self.value - half, self.value + half]
     }
+
+    /// The same in another unit.
+    pub fn times(&self, factor: f64) -> Self {
+        Self {
+            value: self.value * factor,
+            standard_error: self.standard_error * factor,
+        }
+    }
 }
 
-/// What many runs of a plan say; distances in m.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Summary {
-    /// Runs that did not fail.
-    pub runs: u64,
-    /// The mean distance.
-    pub mean_m: Measured,
-    /// The rms distance.
-    pub rms_m: Measured,
-    /// The rms distance that the linear model predicts (eq. 20).
-    pub predicted_rms_m: f64,
-    /// The distances that 5, 50, 95 and 99 % of the runs do not exceed.
-    pub quantiles_m: [f64; 4],
-    /// The distance that 95 % of the runs do not exceed.
-    pub radius95_m: Measured,
-    /// The observed minus the predicted mean square, in the standard deviations that the linear
-    /// model predicts for it.
-    pub z: f64,
-    /// The mean of the normalised estimation error squared.
-    pub nees: f64,
-    /// What is expected for it: the number of combinations of compliances that are determined, in the mean.
-    pub nees_expected: f64,
-    /// Its deviation from that in standard deviations of a chi-square mean.
-    pub nees_z: f64,
-    /// The mean distance over that of the reference plan.
-    pub ratio_to_random: Option<Measured>,
-}
-
-/// The shares of the quantiles of a [`Summary`].
+/// The shares of the quantiles that are told of a plan's runs.
 pub const QUANTILES: [f64; 4] = [0.05, 0.5, 0.95, 0.99];
 
-impl Summary {
-    /// Sums up a tally whose distances are in units of `sigma_m`; `None` if all runs failed. `reference` is the tally of the plan that this one is compared with.
-    pub fn new(tally: &Tally, sigma_m: f64, reference: Option<&Tally>) -> Option<Self> {
-        if tally.runs == 0 {
+/// What a tally says; distances are in its units, sigma.
+impl Tally {
+    fn mean_of(&self, which: Sum) -> f64 {
+        self.sum(which) / self.runs as f64
+    }
+
+    /// The mean distance.
+    pub fn mean(&self) -> Measured {
+        let (value, square) = (self.mean_of(Sum::Distance), self.mean_of(Sum::Square));
+        Measured {
+            value,
+            standard_error: standard_error(value, square, self.runs as f64),
+        }
+    }
+
+    /// The rms distance.
+    pub fn rms(&self) -> Measured {
+        let square = self.mean_of(Sum::Square);
+        let square_error = standard_error(square, self.mean_of(Sum::Fourth), self.runs as f64);
+        Measured {
+            value: square.sqrt(),
+            standard_error: square_error / (2.0 * square.sqrt()),
+        }
+    }
+
+    /// The rms distance that the linear model predicts (eq. 20).
+    pub fn predicted_rms(&self) -> f64 {
+        self.mean_of(Sum::Expected).sqrt()
+    }
+
+    /// The distance that 95 % of the runs do not exceed.
+    pub fn radius95(&self) -> Measured {
+        // The share of the runs below a quantile is binomial.
+        let spread = (0.95 * 0.05 / self.runs as f64).sqrt();
+        let quantile = |share| self.quantile(share).unwrap_or(f64::NAN);
+        Measured {
+            value: quantile(0.95),
+            standard_error: (quantile((0.95 + spread).min(1.0)) - quantile(0.95 - spread)) / 2.0,
+        }
+    }
+
+    /// The observed minus the predicted mean square, in the standard deviations that the linear model predicts for it.
+    pub fn z(&self) -> f64 {
+        (self.sum(Sum::Square) - self.sum(Sum::Expected)) / self.sum(Sum::Variance).sqrt()
+    }
+
+    /// The mean of the normalised estimation error squared.
+    pub fn nees(&self) -> f64 {
+        self.mean_of(Sum::Nees)
+    }
+
+    /// What is expected for it: the number of combinations of compliances that are determined, in the mean.
+    pub fn nees_expected(&self) -> f64 {
+        self.freedom as f64 / self.runs as f64
+    }
+
+    /// Its deviation from that in standard deviations of a chi-square mean.
+    pub fn nees_z(&self) -> f64 {
+        let freedom = self.nees_expected();
+        (self.nees() - freedom) / (2.0 * freedom / self.runs as f64).sqrt()
+    }
+
+    /// The mean distance over that of a reference plan, by the delta method: the plans see the same noise, so the two
+    /// means are correlated, and the ratio is better known than either.
+    pub fn ratio_to(&self, reference: &Self) -> Option<Measured> {
+        if self.pairs == 0 {
             return None;
         }
-        let runs = tally.runs as f64;
-        let mean = |which| tally.sum(which) / runs;
-        let mean_square = mean(Sum::Square);
-        let rms = mean_square.sqrt();
-        let square_error = standard_error(mean_square, mean(Sum::Fourth), runs);
-        let freedom = tally.freedom as f64 / runs;
-        let nees = mean(Sum::Nees);
-        // The share of the runs below a quantile is binomial.
-        let spread = (0.95 * 0.05 / runs).sqrt();
-        let quantile = |share| tally.quantile(share).unwrap_or(f64::NAN) * sigma_m;
-        Some(Self {
-            runs: tally.runs,
-            mean_m: Measured {
-                value: mean(Sum::Distance) * sigma_m,
-                standard_error: standard_error(mean(Sum::Distance), mean_square, runs) * sigma_m,
-            },
-            rms_m: Measured {
-                value: rms * sigma_m,
-                standard_error: square_error / (2.0 * rms) * sigma_m,
-            },
-            predicted_rms_m: mean(Sum::Expected).sqrt() * sigma_m,
-            quantiles_m: QUANTILES.map(quantile),
-            radius95_m: Measured {
-                value: quantile(0.95),
-                standard_error: (quantile((0.95 + spread).min(1.0)) - quantile(0.95 - spread))
-                    / 2.0,
-            },
-            z: (tally.sum(Sum::Square) - tally.sum(Sum::Expected))
-                / tally.sum(Sum::Variance).sqrt(),
-            nees,
-            nees_expected: freedom,
-            nees_z: (nees - freedom) / (2.0 * freedom / runs).sqrt(),
-            ratio_to_random: reference.and_then(|reference| ratio(tally, reference)),
+        let [one, other] = [self, reference].map(|each| each.mean_of(Sum::Distance));
+        let value = one / other;
+        let one_variance = self.mean_of(Sum::Square) - one * one;
+        let other_variance = reference.mean_of(Sum::Square) - other * other;
+        let covariance = self.sum(Sum::Cross) / self.pairs as f64 - one * other;
+        let variance = one_variance / (one * one) + other_variance / (other * other)
+            - 2.0 * covariance / (one * other);
+        let runs = (self.runs as f64 - 1.0).max(1.0);
+        Some(Measured {
+            value,
+            standard_error: value * (variance.max(0.0) / runs).sqrt(),
         })
     }
 }
@@ -97,28 +117,6 @@ impl Summary {
 /// The standard error of a mean from the first two moments.
 fn standard_error(mean: f64, mean_square: f64, runs: f64) -> f64 {
     ((mean_square - mean * mean).max(0.0) / (runs - 1.0).max(1.0)).sqrt()
-}
-
-/// The ratio of two mean distances, by the delta method: the plans see the same noise, so the two
-/// means are correlated, and the ratio is better known than either.
-fn ratio(tally: &Tally, reference: &Tally) -> Option<Measured> {
-    let runs = tally.runs as f64;
-    let reference_runs = reference.runs as f64;
-    if tally.pairs == 0 {
-        return None;
-    }
-    let one = tally.sum(Sum::Distance) / runs;
-    let other = reference.sum(Sum::Distance) / reference_runs;
-    let value = one / other;
-    let one_variance = tally.sum(Sum::Square) / runs - one * one;
-    let other_variance = reference.sum(Sum::Square) / reference_runs - other * other;
-    let covariance = tally.sum(Sum::Cross) / tally.pairs as f64 - one * other;
-    let variance = one_variance / (one * one) + other_variance / (other * other)
-        - 2.0 * covariance / (one * other);
-    Some(Measured {
-        value,
-        standard_error: value * (variance.max(0.0) / (runs - 1.0).max(1.0)).sqrt(),
-    })
 }
 
 #[cfg(test)]
@@ -150,20 +148,21 @@ mod tests {
             tally.add(&mut block, &batch, Some(&batch), LANES);
         }
         tally.close(&mut block);
-        let summary = Summary::new(&tally, 2.0, Some(&tally)).expect("there are runs");
+        let (found, rms) = (tally.mean().times(2.0), tally.rms().times(2.0));
         let mean = 2.0 * (8.0 / std::f64::consts::PI).sqrt();
-        assert!((summary.mean_m.value - mean).abs() < 4.0 * summary.mean_m.standard_error);
+        assert!((found.value - mean).abs() < 4.0 * found.standard_error);
         let error = 2.0 * ((3.0 - 8.0 / std::f64::consts::PI) / 400_000.0).sqrt();
-        assert!((summary.mean_m.standard_error / error - 1.0).abs() < 0.01);
-        assert!(summary.z.abs() < 4.0 && (summary.nees_z - summary.z).abs() < 1e-6);
-        assert!((summary.rms_m.value - 12.0_f64.sqrt()).abs() < 4.0 * summary.rms_m.standard_error);
+        assert!((found.standard_error / error - 1.0).abs() < 0.01);
+        assert!(tally.z().abs() < 4.0 && (tally.nees_z() - tally.z()).abs() < 1e-6);
+        assert!((rms.value - 12.0_f64.sqrt()).abs() < 4.0 * rms.standard_error);
         // The squares of three normal numbers have a variance of 6, and the root of their mean a derivative of 1 / (2 sqrt(3)).
         let error = 2.0 * (6.0_f64 / 400_000.0).sqrt() / (2.0 * 3.0_f64.sqrt());
-        assert!((summary.rms_m.standard_error / error - 1.0).abs() < 0.02);
-        for (found, known) in summary.quantiles_m[1..3].iter().zip([1.5382, 2.7955]) {
-            assert!((found / 2.0 - known).abs() < 0.01, "{found}, {known}");
+        assert!((rms.standard_error / error - 1.0).abs() < 0.02);
+        for (share, known) in QUANTILES[1..3].iter().zip([1.5382, 2.7955]) {
+            let found = tally.quantile(*share).expect("there are runs");
+            assert!((found - known).abs() < 0.01, "{found}, {known}");
         }
-        let ratio = summary.ratio_to_random.expect("there is a reference");
+        let ratio = tally.ratio_to(&tally).expect("there is a reference");
         assert!((ratio.value - 1.0).abs() < 1e-12 && ratio.standard_error < 1e-9);
     }
 }

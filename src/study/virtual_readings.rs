@@ -118,13 +118,8 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// How many readings there are.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.plan.iter().map(|(_, times)| *times as usize).sum()
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.plan.is_empty()
     }
 
     /// What the rows of the plan read.
@@ -191,7 +186,7 @@ impl<'a> ReadPlan<'a> {
     ) -> Result<Vec<(RepeatedReading, Vec<TargetReading>)>, VirtualReadingError> {
         let sigma = &task.belief.instrument;
         let sigma_rad = OF_DEFLECTION * sigma.rotation_sigma_rad.unwrap_or(0.0);
-        let mut noise = vec![[0.0; LANES]; 6 * self.len()];
+        let mut noise = vec![[0.0; LANES]; 6 * self.count()];
         fill_normals(Stream::Noise, seed, run, &mut noise);
         let mut all = Vec::with_capacity(self.numbers.len());
         for visited in self.rows(&task.belief) {
@@ -241,7 +236,7 @@ impl<'a> ReadPlan<'a> {
     ) -> Result<Vec<AbsoluteReading>, VirtualReadingError> {
         let instrument = &task.belief.instrument;
         let stays = task.belief.loading == Loading::InPlace;
-        let mut readings = Vec::with_capacity(self.len());
+        let mut readings = Vec::with_capacity(self.count());
         let frames = self.frames(robots, seed, robots.campaign_of(run));
         for (each, shown) in self.read(task, robots, &frames, seed, robots.readings_of(run))? {
             let station = self.planning.candidates[each.place].station.as_deref();
@@ -348,7 +343,7 @@ pub fn virtual_readings(
     let plan = ReadPlan::new(planning, &whole);
     let robots = TrueRobots::of_readings(&task.belief, truth, plan.targets())?;
     let mut robots = robots.in_series(campaign, series);
-    robots.become_run_of(truth, plan.len(), seed, run)?;
+    robots.become_run_of(truth, plan.count(), seed, run)?;
     plan.readings(task, &mut robots, seed, run)
 }
 

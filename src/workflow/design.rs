@@ -15,29 +15,8 @@ use crate::task::Task;
 pub struct Wanted {
     /// What makes it good.
     pub criterion: Criterion,
-    /// The number m of measurements.
-    pub experiments: u32,
-    /// The number of different configurations; as many as measurements if not given.
-    pub configurations: Option<u32>,
-}
-
-impl Wanted {
-    /// What a task wants: a plan for its test poses.
-    pub const fn by(task: &Task) -> Self {
-        Self {
-            criterion: Criterion::TestPose,
-            experiments: task.design.experiments,
-            configurations: task.design.configurations,
-        }
-    }
-
-    /// The numbers of measurements and of different configurations.
-    pub fn size(&self) -> PlanSize {
-        PlanSize {
-            measurements: self.experiments,
-            configurations: self.configurations.unwrap_or(self.experiments),
-        }
-    }
+    /// How large it is.
+    pub size: PlanSize,
 }
 
 /// Who looks on while a plan is designed.
@@ -112,7 +91,7 @@ pub fn design(
         seed,
     };
     let designed = Designed {
-        exact: search.best(wanted.size(), watch)?,
+        exact: search.best(wanted.size, watch, &[])?,
         elapsed_s: start.elapsed().as_secs_f64(),
         is_cut_short: onlooker.stop.load(Ordering::Relaxed),
         bound,
@@ -130,8 +109,7 @@ pub fn design_among(
     watch: Watch<'_>,
 ) -> Result<Designed, SearchError> {
     let start = Instant::now();
-    let (exact, mut bound) =
-        candidates.design(task, wanted.criterion, wanted.size(), seed, watch)?;
+    let (exact, mut bound) = candidates.design(task, wanted.criterion, wanted.size, seed, watch)?;
     let mut by_criterion = None;
     if wanted.criterion != Criterion::TestPose {
         let rho0 = candidates.bound(task, Criterion::TestPose, &exact.plan);

@@ -8,8 +8,7 @@ use crate::plan::search::{
     Watch, compare_criteria,
 };
 use crate::plan::{Criterion, Plan};
-use crate::record::evidence::{CriterionPlanMessage, EvidenceMessage};
-use crate::record::messages::plan_messages;
+use crate::record::evidence::{EvidenceMessage, criterion_plan_json};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
@@ -65,17 +64,7 @@ pub fn gather(
         trials: TRIALS,
         study: distances(scenario, own, kinds, TRIALS, None)?,
         criteria_compared: (compare_criteria(task, approximate, designed, seed, watch).iter())
-            .map(|best| CriterionPlanMessage {
-                criteria: best
-                    .criteria
-                    .iter()
-                    .map(|each| each.name().to_owned())
-                    .collect(),
-                rho0_mm: best.rho0_m.map(|value| value * 1e3),
-                searches_agreeing: best.agreeing,
-                problem: best.problem.clone(),
-                plan: plan_messages(&commands, &best.plan),
-            })
+            .map(|best| criterion_plan_json(&commands, best))
             .collect(),
         accuracy,
         repeated: (2..=largest / own.max(1))
@@ -154,7 +143,7 @@ fn accuracy(
         if m == own || (m as usize) < fewest || m > largest {
             continue;
         }
-        match search.best(PlanSize::all_different(m), watch) {
+        match search.best(PlanSize::all_different(m), watch, &[]) {
             Ok(design) => points.push(point(&design.plan, design.cost)),
             // So few measurements do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use nalgebra::Vector3;
 use serde_json::{Value, json};
 
-use super::design::{Designed, Wanted};
+use super::design::Designed;
 use super::evidence::gather;
 use super::identify::{FitChoices, IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
@@ -24,12 +24,10 @@ use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::Assessment;
-use crate::plan::absolute::{
-    AbsolutePlan, AbsolutePlanError, AbsolutePlanning, PredictedAccuracy, ReadingsWanted,
-};
+use crate::plan::absolute::{AbsolutePlan, AbsolutePlanning, PredictedAccuracy, ReadingsWanted};
 use crate::plan::search::{
-    ApproximateDesign, Bound, RepeatsNeeded, SearchError, Watch, median_random_plan, random_plan,
-    repeats_needed,
+    ApproximateDesign, Bound, CandidateError, PlanSize, RepeatsNeeded, SearchError, Watch,
+    median_random_plan, random_plan, repeats_needed,
 };
 use crate::record::absolute_plan::{
     AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
@@ -306,14 +304,14 @@ pub fn run_absolute<'a>(
 ) -> Result<(DesignedReadings<'a>, AbsoluteRun<'a>), FileError> {
     let (task, seed, groups) = (&scenario.task, scenario.seed, wanted.groups);
     let belief = &task.belief;
-    let no_plan = |error: AbsolutePlanError| error.in_file(wanted.path);
+    let no_plan = |error: CandidateError| error.in_file(wanted.path);
     let unread = |error: &dyn Display| {
         FileError::new(&scenario.path, error.to_string()).code(ErrorCode::Simulation)
     };
     let unidentified = |error: IdentificationError| error.in_file(&scenario.path);
 
     // Design.
-    let size = Wanted::by(task).size();
+    let size = PlanSize::wanted_by(task);
     let (planning, found) = (wanted.design(task, size, seed, watch)).map_err(no_plan)?;
 
     // Read, as the plan's file says.
@@ -352,7 +350,7 @@ pub fn run_absolute<'a>(
     // Compare.
     stage(&RunStage::Comparing);
     let random = planning.median_random_rho0_m(size.measurements, RANDOM_PLANS, seed);
-    let none = |problem: AbsolutePlanError| stage(&RunStage::NoRandomPlans(problem.to_string()));
+    let none = |problem: CandidateError| stage(&RunStage::NoRandomPlans(problem.to_string()));
     let plan = planned_readings(task, &planning, &found.plan);
     let run = AbsoluteRun {
         searches: found.searches,

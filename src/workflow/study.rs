@@ -10,8 +10,8 @@ use crate::codes::{Condition, ErrorCode};
 use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
-use crate::plan::absolute::{AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{PlanSize, SearchError, Watch, random_plan};
+use crate::plan::absolute::{AbsolutePlanning, ReadingsWanted};
+use crate::plan::search::{CandidateError, PlanSize, SearchError, Watch, random_plan};
 use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
@@ -131,7 +131,7 @@ fn readings_of<'a>(
     plan: &StudyPlan,
     wanted: &ReadingsWanted<'a>,
     watch: Watcher<'_>,
-) -> Result<StudiedReadings<'a>, AbsolutePlanError> {
+) -> Result<StudiedReadings<'a>, CandidateError> {
     let (task, conditions, groups) = (&setting.task, &setting.conditions, wanted.groups);
     let measurements = conditions.experiments;
     let scaled = |rows: &[Candidate]| -> Vec<Candidate> {
@@ -159,11 +159,7 @@ fn readings_of<'a>(
             ..
         } => {
             let m = experiments.unwrap_or(measurements);
-            let size = PlanSize {
-                measurements: m,
-                configurations: (configurations.or(task.design.configurations))
-                    .map_or(m, |each| each.min(m)),
-            };
+            let size = PlanSize::new(m, configurations.or(task.design.configurations));
             let watch = watch(&plan.name, m);
             let (planning, found) = wanted.design(task, size, seed, watch)?;
             (planning, found.plan)
@@ -218,10 +214,10 @@ fn entry_kind(
             experiments,
             noise_only,
         } => {
+            let configurations = configurations.or(task.design.configurations);
             let wanted = Wanted {
                 criterion: *criterion,
-                experiments: experiments.unwrap_or(wanted),
-                configurations: configurations.or(task.design.configurations),
+                size: PlanSize::new(experiments.unwrap_or(wanted), configurations),
             };
             let mut task = task.clone();
             if *noise_only {

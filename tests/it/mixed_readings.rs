@@ -301,7 +301,7 @@ fn identified(scenario: &Scenario, rows: &[Candidate], run: u64) -> (Vec<f64>, f
     let plan = ReadPlan::new(&planning, &whole);
     let robots = TrueRobots::of_readings(&task.belief, truth, plan.targets());
     let mut robots = robots.expect("a robot");
-    (robots.become_run_of(truth, plan.len(), 5, run)).expect("a run");
+    (robots.become_run_of(truth, plan.count(), 5, run)).expect("a run");
     let readings = plan.readings(task, &mut robots, 5, run).expect("at rest");
     let fit = identify_absolute(&task.belief, &readings, &[], CHOICES)
         .expect("a fit")

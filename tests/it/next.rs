@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::sync::atomic::AtomicBool;
 
 use elastocal::calibration::{compensate_poses, identify_as_planned, measure};
-use elastocal::laboratory::next::{Goal, Remaining, rest};
+use elastocal::laboratory::next::{Remaining, rest};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::Plan;
@@ -303,7 +303,7 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
             measured: 0,
             together: None,
         };
-        let found = rest(&all, Goal::Measurements(count), seed, watch);
+        let found = rest(&all, count..=count, None, seed, watch);
         found.expect("a plan").plan
     };
     let (all_plan, half_plan) = (plan_of(total), plan_of(total / 2));
@@ -352,7 +352,8 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
         let (square, identification) = left_by(&first);
         squares[0] += square;
         let left = Remaining::new(task, &identification, &first, &[], 0.0);
-        let second = rest(&left, Goal::Measurements(total), seed, watch)
+        let more = total - left.measured;
+        let second = rest(&left, more..=more, None, seed, watch)
             .expect("a rest")
             .plan;
         let both = [first, measure(&second, 1)].concat();

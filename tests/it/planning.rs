@@ -46,7 +46,7 @@ pub fn exact(
         measurements: experiments,
         configurations,
     };
-    exact_design(problem, approximate, size, seed, watch)
+    exact_design(problem, approximate, size, seed, watch, &[])
 }
 
 /// `rho_0` of the best plan of m measurements (m).

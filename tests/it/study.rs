@@ -7,7 +7,7 @@ use elastocal::scenario::Scenario;
 use elastocal::study::model_level::LinearModel;
 use elastocal::study::robot_level::{PreparedPlan, RobotRuns};
 use elastocal::study::runner::Runner;
-use elastocal::study::summary::Summary;
+use elastocal::study::summary::QUANTILES;
 use elastocal::study::tally::{Sum, Tally};
 use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};
 use elastocal::task::Method;
@@ -50,15 +50,20 @@ fn a_million_runs_keep_the_prediction_of_every_plan() {
     // The design page's values for m measurements, by the rule of repeated plans.
     let known = [(2, 8.17), (3, 6.59), (4, 5.45), (6, 4.53), (12, 3.20)];
     for ((tally, entry), (size, rho0)) in tallies.iter().zip(&entries).zip(known) {
-        let summary = Summary::new(tally, 3e-5, None).expect("runs");
-        assert_eq!(summary.runs, 1_000_000);
-        assert!(summary.z.abs() < 3.3, "{}: {}", entry.name, summary.z);
-        assert!(summary.nees_z.abs() < 3.3, "{}: {summary:?}", entry.name);
+        assert_eq!(tally.runs, 1_000_000);
+        assert!(tally.z().abs() < 3.3, "{}: {}", entry.name, tally.z());
+        assert!(
+            tally.nees_z().abs() < 3.3,
+            "{}: {}",
+            entry.name,
+            tally.nees_z()
+        );
         let expected = rho0 * f64::from(size).sqrt() / 12.0_f64.sqrt();
-        let predicted = summary.predicted_rms_m * 1e6;
+        let predicted = tally.predicted_rms() * 30.0;
         assert!((predicted / expected - 1.0).abs() < 0.002, "{predicted}");
-        assert!((summary.rms_m.value * 1e6 / expected - 1.0).abs() < 0.004);
-        assert!(summary.quantiles_m.is_sorted());
+        assert!((tally.rms().value * 30.0 / expected - 1.0).abs() < 0.004);
+        let quantiles = QUANTILES.map(|share| tally.quantile(share).expect("runs"));
+        assert!(quantiles.is_sorted());
     }
 }
 
@@ -263,9 +268,8 @@ fn the_virtual_robot_errs_as_the_model_predicts() {
     let robot = &run(&scenario, Level::Robot, &entries, trials)[0];
     let model = &run(&scenario, Level::Model, &entries, trials)[0];
     assert_eq!((robot.runs, robot.failures()), (trials, 0));
-    let summary = Summary::new(robot, 3e-5, None).expect("runs");
-    assert!(summary.z.abs() < 3.3, "{summary:?}");
-    assert!(summary.nees_z.abs() < 3.3, "{summary:?}");
+    assert!(robot.z().abs() < 3.3, "{}", robot.z());
+    assert!(robot.nees_z().abs() < 3.3, "{}", robot.nees_z());
     // The same noise: much closer than statistics ask for.
     let ratio = robot.sum(Sum::Square) / model.sum(Sum::Square);
     assert!((ratio - 1.0).abs() < 0.03, "{ratio}");
@@ -286,11 +290,8 @@ fn true_compliances_may_vary() {
     assert_eq!(run(&scenario, Level::Model, &entries, 2000), fixed);
     let robot = &run(&scenario, Level::Robot, &entries, 2000)[0];
     assert_eq!(robot.failures(), 0);
-    let summary = Summary::new(robot, 3e-5, None).expect("runs");
-    assert!(
-        summary.z.abs() < 3.3 && summary.nees_z.abs() < 3.3,
-        "{summary:?}"
-    );
+    assert!(robot.z().abs() < 3.3, "{}", robot.z());
+    assert!(robot.nees_z().abs() < 3.3, "{}", robot.nees_z());
     assert_ne!(robot.sums, run_fixed_robot(&entries).sums);
 
     // Joint 1 is not identified: a vertical load does not bend it, but the task load does.
@@ -316,11 +317,11 @@ fn true_compliances_may_vary() {
             "{level:?}: {seen}"
         );
         assert!((predicted / (noise + bias_square) - 1.0).abs() < tolerance);
-        let summary = Summary::new(tally, 3e-5, None).expect("runs");
         // At the robot's level eq. 15's second order counts too.
         assert!(
-            level == Level::Robot || summary.z.abs() < 3.3,
-            "{summary:?}"
+            level == Level::Robot || tally.z().abs() < 3.3,
+            "{}",
+            tally.z()
         );
     }
 }

@@ -68,7 +68,10 @@ impl ReadingsArgs {
             common.say(&format!("designing the plan {name:?} of {of}"));
         };
         let designer = |task: &Task, name: &str, wanted: Wanted| {
-            say(name, counted(wanted.experiments.into(), "measurement"));
+            say(
+                name,
+                counted(wanted.size.measurements.into(), "measurement"),
+            );
             let designed = design(common, task, scenario.seed, wanted, &ProofArgs::NONE, &STOP);
             designed.map(|(designed, _)| designed)
         };

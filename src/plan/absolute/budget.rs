@@ -3,7 +3,8 @@
 use std::ops::RangeInclusive;
 use std::sync::atomic::Ordering;
 
-use super::{AbsolutePlan, AbsolutePlanError, AbsolutePlanning, ReadingsWanted};
+use super::drawn::PlanOfRows;
+use super::{AbsolutePlan, AbsolutePlanning, CandidateError, ReadingsWanted};
 use crate::experiment::Candidate;
 use crate::plan::search::{BudgetPoint, CandidatePlan, PlanBound, PlanSize, Watch};
 use crate::plan::{Plan, UncertaintyBudget};
@@ -23,60 +24,35 @@ impl ReadingsWanted<'_> {
         wanted_m: Option<f64>,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<Vec<AbsolutePlan>, AbsolutePlanError> {
-        let mut plans: Vec<AbsolutePlan> = Vec::new();
+    ) -> Result<Vec<AbsolutePlan>, CandidateError> {
+        let mut found: Vec<PlanOfRows> = Vec::new();
         let mut problem = None;
-        let mut rows: Vec<Candidate> = Vec::new();
-        let mut last: Vec<(Candidate, u32)> = Vec::new();
         let numbers = counts.clone().count();
         for (number, readings) in counts.enumerate() {
-            if watch.stop.load(Ordering::Relaxed) && !plans.is_empty() {
+            if watch.stop.load(Ordering::Relaxed) && !found.is_empty() {
                 break;
             }
-            let known = once_more(last.clone()).unwrap_or_default();
-            let found = watch.part(number, numbers, |here| {
-                self.design_from(
-                    planning,
-                    &known,
-                    PlanSize::all_different(readings),
-                    seed,
-                    here,
-                )
+            let known = found.last().and_then(|last| once_more(last.rows.clone()));
+            let (known, size) = (known.unwrap_or_default(), PlanSize::all_different(readings));
+            let searched = watch.part(number, numbers, |here| {
+                self.design_from(planning, &known, size, seed, here)
             });
-            match found {
-                Ok((chosen, mut found)) => {
-                    let with_chosen =
-                        (!chosen.is_empty()).then(|| self.with_rows(planning, &chosen));
-                    let with_chosen = with_chosen.transpose()?;
-                    let own = with_chosen.as_ref().unwrap_or(planning);
-                    let rho0_m = own.prediction(&found.plan).rho0_m();
-                    let read = own.readings(&found.plan).into_iter();
-                    last = read.map(|(row, times)| (row.clone(), times)).collect();
-                    // Of a list there are no rows behind it.
-                    for (place, _) in &mut found.plan {
-                        *place += rows.len();
-                    }
-                    rows.extend(chosen);
-                    plans.push(found);
-                    if wanted_m.is_some_and(|most| rho0_m.is_some_and(|rho0_m| rho0_m <= most)) {
+            match searched {
+                Ok(plan) => {
+                    let is_enough = wanted_m.is_some_and(|most| plan.rho0_m <= most);
+                    found.push(plan);
+                    if is_enough {
                         break;
                     }
                 }
-                Err(error @ AbsolutePlanError::Undetermined { .. }) => return Err(error),
+                Err(error) if error.is_of_all => return Err(error),
                 // So few do not: more may.
                 Err(error) => problem = Some(error),
             }
         }
-        if !rows.is_empty() {
-            // Bounds are of all that may be read: what more readings cannot reach fewer do not.
-            *planning = self.with_rows(planning, &rows)?;
-            for found in &mut plans {
-                found.bound = planning.sampled_bound(&found.plan)?;
-            }
-        }
-        match problem.filter(|_| plans.is_empty()) {
+        match problem.filter(|_| found.is_empty()) {
             Some(problem) => Err(problem),
-            None => Ok(plans),
+            None => self.placed(planning, found),
         }
     }
 }

@@ -4,7 +4,7 @@
 //! adds `R_s` to the covariance R of readings leaves trace(K (sum J^T R^-1 `R_s` R^-1 J) K^T), and what is known before
 //! trace(K `M_0` K^T). Squares add up.
 
-use nalgebra::{DMatrix, Matrix6, MatrixXx6};
+use nalgebra::DMatrix;
 
 use super::{
     AbsolutePlanning, PlaceRows, PredictedAccuracy, RepeatedReading, by_task, in_units, place_rows,
@@ -21,29 +21,33 @@ use crate::task::{Extended, Task};
 /// Less than this share of the square of the whole is rounding.
 const ROUNDING: f64 = 1e-9;
 
-/// What a plan makes of its readings, by configuration.
+/// What a plan makes of its readings.
 struct WeighedReadings {
     /// K, by the unknowns in typical sizes (3 n x p).
     gain: DMatrix<f64>,
-    /// Of each the readings with their part of K J^T R^-1 (3 n x 6, in 1).
-    groups: Vec<Vec<(RepeatedReading, MatrixXx6<f64>)>>,
+    /// The N readings by configuration,
+    groups: Vec<Vec<RepeatedReading>>,
+    /// and their parts of K J^T R^-1 (3 n x 6 N, in 1).
+    weights: DMatrix<f64>,
 }
 
 impl WeighedReadings {
-    fn readings(&self) -> impl Iterator<Item = &(RepeatedReading, MatrixXx6<f64>)> {
-        self.groups.iter().flatten()
+    fn readings(&self) -> Vec<&RepeatedReading> {
+        self.groups.iter().flatten().collect()
     }
 
     /// What errors leave (m^2), each averaged over where it is new.
     fn left_by(&self, errors: impl Fn(usize) -> ReadingErrors) -> f64 {
-        let of_group = |group: &Vec<(RepeatedReading, MatrixXx6<f64>)>| -> f64 {
+        let mut next = 0;
+        let of_group = |group: &Vec<RepeatedReading>| -> f64 {
             let mut square = 0.0;
             let mut shared: Option<DMatrix<f64>> = None;
-            for (each, weight) in group {
+            for each in group {
+                let weight = self.weights.fixed_columns::<6>(next);
+                next += 6;
                 let errors = errors(each.place);
-                square += added(weight, &errors.reading) / f64::from(each.times);
-                let here = group.iter().map(|(each, _)| each);
-                let moved = weight * each.effects_by(&errors, here);
+                square += (weight * errors.reading).dot(&weight) / f64::from(each.times);
+                let moved = weight * each.effects_by(&errors, group);
                 shared = Some(match shared {
                     Some(shared) => shared + moved,
                     None => moved,
@@ -74,18 +78,17 @@ impl AbsolutePlanning<'_> {
         for (mut column, scale) in gain.column_iter_mut().zip(&scales) {
             column /= *scale;
         }
-        let mut groups = Vec::new();
-        for tied in tied {
-            let weights = tied.weights(&self.poses, &gain);
-            let mut next = 0;
-            let mut weight = |each: RepeatedReading| {
-                next += 6;
-                (each, weights.fixed_columns::<6>(next - 6).into_owned())
-            };
-            let each = tied.groups.into_iter();
-            groups.extend(each.map(|group| group.into_iter().map(&mut weight).collect()));
+        let mut weights = DMatrix::zeros(gain.nrows(), 0);
+        for each in &tied {
+            let (own, first) = (each.weights(&self.poses, &gain), weights.ncols());
+            weights = weights.resize_horizontally(first + own.ncols(), 0.0);
+            weights.columns_mut(first, own.ncols()).copy_from(&own);
         }
-        WeighedReadings { gain, groups }
+        WeighedReadings {
+            gain,
+            weights,
+            groups: tied.into_iter().flat_map(|each| each.groups).collect(),
+        }
     }
 
     /// The rows that readings have, of six each.
@@ -118,13 +121,7 @@ impl AbsolutePlanning<'_> {
     /// What a source of errors leaves (m^2).
     fn left_by_source(&self, weighed: &WeighedReadings, source: &ReadingSource) -> f64 {
         if source.is_function() {
-            let readings: Vec<&RepeatedReading> =
-                weighed.readings().map(|(each, _)| each).collect();
-            let mut weights = DMatrix::zeros(weighed.gain.nrows(), 6 * readings.len());
-            for (place, (_, weight)) in weighed.readings().enumerate() {
-                weights.columns_mut(6 * place, 6).copy_from(weight);
-            }
-            return self.left_by_functions(&readings, &weights, source);
+            return self.left_by_functions(&weighed.readings(), &weighed.weights, source);
         }
         weighed.left_by(|place| (self.case).disturbed(place, &self.load(place), [source]))
     }
@@ -280,13 +277,11 @@ impl AbsolutePlanning<'_> {
         let set = ParameterSet::new(arm, foreign.iter().copied()).ok()?;
         let poses = place_rows(task, &self.case, &set, self.target);
         let mut left = -stacked(&poses, prediction.station);
-        let setups: Vec<(&Setup, ReadingKind)> = weighed
-            .readings()
-            .map(|(each, _)| self.setup(each.place))
-            .collect();
+        let readings = weighed.readings().into_iter();
+        let setups: Vec<_> = readings.map(|each| self.setup(each.place)).collect();
         let rows = planned_rows(&set, arm, &set.prior().mean, &setups);
-        for ((_, weight), rows) in weighed.readings().zip(&rows) {
-            left += weight * rows;
+        for (place, rows) in rows.iter().enumerate() {
+            left += weighed.weights.fixed_columns::<6>(6 * place) * rows;
         }
         for ((mut column, parameter), (_, deviation)) in
             (left.column_iter_mut().zip(set.parameters())).zip(&foreign)
@@ -295,9 +290,4 @@ impl AbsolutePlanning<'_> {
         }
         Some(known + left.norm_squared())
     }
-}
-
-/// What a covariance of a reading leaves through its weight.
-fn added(weight: &MatrixXx6<f64>, covariance: &Matrix6<f64>) -> f64 {
-    (weight * covariance).dot(weight)
 }

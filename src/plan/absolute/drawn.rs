@@ -12,10 +12,9 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-use super::error::AbsolutePlanError;
 use super::from_rows::merged;
 use super::lengths::in_range;
-use super::{AbsolutePlan, AbsolutePlanning};
+use super::{AbsolutePlan, AbsolutePlanning, CandidateError};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
 use crate::measurement::AbsoluteReading;
@@ -23,7 +22,9 @@ use crate::numeric::random::generator;
 use crate::numeric::random::streams::{drawn_candidates, random_readings};
 use crate::observation::LengthKind;
 use crate::plan::Criterion;
-use crate::plan::search::{CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch};
+use crate::plan::search::{
+    BoundKind, CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch, measure,
+};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Loading, Station, Task, station_named};
@@ -85,12 +86,12 @@ impl ReadingsWanted<'_> {
     /// calibration and of the machining tool, from each station.
     ///
     /// # Errors
-    /// No configuration is possible; and see [`AbsolutePlanError`].
+    /// No configuration is possible; and see [`CandidateError`].
     pub fn planning<'t>(
         &self,
         task: &'t Task,
         seed: u64,
-    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
+    ) -> Result<AbsolutePlanning<'t>, CandidateError> {
         if let Some(rows) = self.candidates {
             return AbsolutePlanning::beside(task, self.groups, self.measured, rows);
         }
@@ -101,28 +102,22 @@ impl ReadingsWanted<'_> {
     /// The best plan that is found of so many readings, of so many different candidates.
     ///
     /// # Errors
-    /// No configuration is possible; and see [`AbsolutePlanError`].
+    /// No configuration is possible; and see [`CandidateError`].
     pub fn design<'t>(
         &self,
         task: &'t Task,
         size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), AbsolutePlanError> {
-        let planning = self.planning(task, seed)?;
-        let (rows, mut found) = self.design_from(&planning, &[], size, seed, watch)?;
-        if self.candidates.is_some() {
-            return Ok((planning, found));
-        }
-        // Those that were chosen are possible.
-        let all = self.with_rows(&planning, &rows)?;
-        found.bound = all.sampled_bound(&found.plan)?;
-        Ok((all, found))
+    ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), CandidateError> {
+        let mut planning = self.planning(task, seed)?;
+        let found = self.design_from(&planning, &[], size, seed, watch)?;
+        let placed = self.placed(&mut planning, vec![found])?.remove(0);
+        Ok((planning, placed))
     }
 
     /// The same of what may be read, and no worse than a plan that is known: rows, and how often each is read. Where configurations are
-    /// drawn, others near those that are chosen may be read, too: the plan then is of the rows that come with it, which stand behind what
-    /// was drawn, and has no bound yet.
+    /// drawn, others near those that are chosen may be read, too, and there is no bound yet.
     pub(super) fn design_from(
         &self,
         planning: &AbsolutePlanning<'_>,
@@ -130,11 +125,11 @@ impl ReadingsWanted<'_> {
         size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<(Vec<Candidate>, AbsolutePlan), AbsolutePlanError> {
+    ) -> Result<PlanOfRows, CandidateError> {
         if self.candidates.is_some() {
             let known: Vec<CandidatePlan> = planning.plan_of(known).into_iter().collect();
             let found = planning.design_from(&known, size, seed, watch)?;
-            return Ok((Vec::new(), found));
+            return Ok(PlanOfRows::new(planning, found));
         }
         let of_rows = |rows: &[Candidate]| {
             AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, rows)
@@ -162,37 +157,56 @@ impl ReadingsWanted<'_> {
             (_, Some(known)) => known,
             (first, None) => first?,
         };
-        let PlanOfRows {
-            rows, mut found, ..
-        } = rounds.bettered(best, planning, of_rows);
-        for (index, (place, _)) in found.plan.iter_mut().enumerate() {
-            *place = planning.offered().len() + index;
-        }
-        Ok((rows.into_iter().map(|(row, _)| row).collect(), found))
+        Ok(rounds.bettered(best, planning, of_rows))
     }
 
-    /// What may be read, with rows behind that are not of the offer.
-    pub(super) fn with_rows<'t>(
+    /// Plans by the places of what they read. Where configurations are drawn, that may be read besides from then on, and no plan of as
+    /// many readings of all of it is below their bounds.
+    ///
+    /// # Errors
+    /// They do not determine the tool's place.
+    pub(super) fn placed(
         &self,
-        planning: &AbsolutePlanning<'t>,
-        rows: &[Candidate],
-    ) -> Result<AbsolutePlanning<'t>, AbsolutePlanError> {
-        let rows = [planning.offered(), rows].concat();
-        let all = AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, &rows)?;
-        Ok(AbsolutePlanning {
+        planning: &mut AbsolutePlanning<'_>,
+        found: Vec<PlanOfRows>,
+    ) -> Result<Vec<AbsolutePlan>, CandidateError> {
+        if self.candidates.is_some() || found.is_empty() {
+            return Ok(found.into_iter().map(|each| each.found).collect());
+        }
+        let chosen = found.iter().flat_map(|each| &each.rows);
+        let rows = planning.offered().iter().chain(chosen.map(|(row, _)| row));
+        let rows: Vec<Candidate> = rows.cloned().collect();
+        *planning = AbsolutePlanning {
             offer: planning.offer.clone(),
-            ..all
-        })
+            ..AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, &rows)?
+        };
+        let placed = found.into_iter().map(|each| {
+            // Those that were chosen are possible.
+            let plan = planning.plan_of(&each.rows).unwrap_or_default();
+            // All that were sampled are looked at, and there are others.
+            let bound = planning.bound(&plan)?.map(|all| PlanBound {
+                kind: BoundKind::Evidence,
+                proof: None,
+                ..all
+            });
+            let searches = each.found.searches;
+            Ok(AbsolutePlan {
+                plan,
+                bound,
+                searches,
+            })
+        });
+        placed.collect()
     }
 }
 
 /// A plan, and what it predicts.
-struct PlanOfRows {
+pub(super) struct PlanOfRows {
     found: AbsolutePlan,
     /// What it reads, and how often each.
-    rows: Vec<(Candidate, u32)>,
+    pub rows: Vec<(Candidate, u32)>,
     /// Infinite where it does not determine the tool's place.
-    rho0_m: f64,
+    pub rho0_m: f64,
 }
 
 impl PlanOfRows {
@@ -222,7 +236,7 @@ impl Rounds<'_> {
         own: &AbsolutePlanning<'_>,
         known: Option<&PlanOfRows>,
         round: usize,
-    ) -> Result<PlanOfRows, AbsolutePlanError> {
+    ) -> Result<PlanOfRows, CandidateError> {
         let known = known.filter(|_| own.ties_all());
         let known = known.and_then(|known| own.plan_of(&known.rows));
         let searches = if known.is_some() { 0 } else { SEARCHES };
@@ -238,7 +252,7 @@ impl Rounds<'_> {
         &self,
         mut best: PlanOfRows,
         planning: &AbsolutePlanning<'t>,
-        of_rows: impl Fn(&[Candidate]) -> Result<AbsolutePlanning<'t>, AbsolutePlanError>,
+        of_rows: impl Fn(&[Candidate]) -> Result<AbsolutePlanning<'t>, CandidateError>,
     ) -> PlanOfRows {
         let task = planning.task;
         let steps = STEPS.iter().flat_map(|step| repeat_n(*step, self.again));
@@ -277,24 +291,12 @@ impl AbsolutePlanning<'_> {
 
     /// A plan of rows, each so often, if there are some and all are candidates.
     fn plan_of(&self, rows: &[(Candidate, u32)]) -> Option<CandidatePlan> {
-        let place = |(row, times): &(Candidate, u32)| {
-            let mut places = self.candidates.iter();
-            Some((places.position(|each| each == row)?, *times))
-        };
-        let plan: Option<CandidatePlan> = rows.iter().map(place).collect();
-        plan.filter(|plan| !plan.is_empty())
-    }
-
-    /// What no plan of as many readings of the candidates is below where these are sampled: all that were sampled are looked at, and there
-    /// are others.
-    ///
-    /// # Errors
-    /// As [`bound`](Self::bound).
-    pub(super) fn sampled_bound(
-        &self,
-        plan: &[(usize, u32)],
-    ) -> Result<Option<PlanBound>, AbsolutePlanError> {
-        Ok(self.bound(plan)?.map(PlanBound::into_evidence))
+        let mut plan = CandidatePlan::new();
+        for (row, times) in rows {
+            let place = self.candidates.iter().position(|each| each == row)?;
+            measure(&mut plan, place, *times);
+        }
+        Some(plan).filter(|plan| !plan.is_empty())
     }
 
     /// The median of the rms distances (m) that so many random plans predict, sampled on all threads.
@@ -306,13 +308,13 @@ impl AbsolutePlanning<'_> {
         readings: u32,
         plans: u64,
         seed: u64,
-    ) -> Result<f64, AbsolutePlanError> {
+    ) -> Result<f64, CandidateError> {
         let rho0_m = |index: u64| {
             let plan = self.random(readings, seed, index)?;
             Ok(self.prediction(&plan).rho0_m().unwrap_or(f64::INFINITY))
         };
         let predicted = (0..plans).into_par_iter().map(rho0_m);
-        let mut predicted = predicted.collect::<Result<Vec<f64>, AbsolutePlanError>>()?;
+        let mut predicted = predicted.collect::<Result<Vec<f64>, CandidateError>>()?;
         predicted.sort_by(f64::total_cmp);
         Ok(predicted[predicted.len() / 2])
     }
@@ -327,14 +329,14 @@ impl AbsolutePlanning<'_> {
         readings: u32,
         seed: u64,
         index: u64,
-    ) -> Result<CandidatePlan, AbsolutePlanError> {
+    ) -> Result<CandidatePlan, CandidateError> {
         let mut random = generator(seed, random_readings(index));
         let frames = self.frames();
         let machining = &self.case.belief.machining_tool.name;
         if self.unread().is_some() {
             let problem = format!("no candidate reads {machining}, whose place counts");
             let hint = format!("give candidates with the target {machining}");
-            return Err(AbsolutePlanError::other(problem, Some(&hint)));
+            return Err(CandidateError::new(problem, Some(&hint)));
         }
         for _ in 0..RANDOM_PLANS {
             let station = frames[random.random_range(0..frames.len())];
@@ -345,14 +347,11 @@ impl AbsolutePlanning<'_> {
             while drawn < readings && !places.is_empty() {
                 let place = places[random.random_range(0..places.len())];
                 let most = self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
-                match plan.iter_mut().find(|known| known.0 == place) {
-                    Some(known) if known.1 >= most => {
-                        places.retain(|&each| each != place);
-                        continue;
-                    }
-                    Some(known) => known.1 += 1,
-                    None => plan.push((place, 1)),
+                if plan.contains(&(place, most)) {
+                    places.retain(|&each| each != place);
+                    continue;
                 }
+                measure(&mut plan, place, 1);
                 drawn += 1;
             }
             let reads = |&(place, _): &(usize, u32)| {
@@ -366,7 +365,7 @@ impl AbsolutePlanning<'_> {
             "of {RANDOM_PLANS} sampled plans of {readings} readings, none determines the tool's place at the test poses"
         );
         let hint = "give more readings (study.experiments)";
-        Err(AbsolutePlanError::other(problem, Some(hint)))
+        Err(CandidateError::new(problem, Some(hint)))
     }
 }
 
@@ -375,7 +374,7 @@ fn sampled_candidates(
     task: &Task,
     configurations: u32,
     seed: u64,
-) -> Result<Vec<Candidate>, AbsolutePlanError> {
+) -> Result<Vec<Candidate>, CandidateError> {
     // Stations have a sight of their own, which candidates are held to.
     let mut anywhere = task.clone();
     anywhere.region.line_of_sight &= task.belief.stations.is_empty();
@@ -384,7 +383,7 @@ fn sampled_candidates(
     let experiments = RandomPlans::new(&problem)
         .draw_of(configurations, seed, stream)
         .map_err(|error| {
-            AbsolutePlanError::other(format!("no candidates could be sampled: {error}"), None)
+            CandidateError::new(format!("no candidates could be sampled: {error}"), None)
         })?
         .experiments;
     let rows = experiments.iter().enumerate();

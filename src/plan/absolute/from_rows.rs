@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::joint_functions::RobotFunctions;
-use super::readable::{check_stations, from_stations, possible, reading_of};
+use super::readable::{check_stations, from_stations, possible, reading_of, wrong_readings};
 use super::together::Neighbours;
-use super::{AbsolutePlanError, AbsolutePlanning, place_rows, setup_of};
+use super::{AbsolutePlanning, CandidateError, place_rows, setup_of};
 use crate::experiment::{Candidate, read_candidates, together};
 use crate::files::FileError;
 use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup};
@@ -22,7 +22,7 @@ impl<'a> AbsolutePlanning<'a> {
         task: &'a Task,
         groups: &[ParameterGroup],
         rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
+    ) -> Result<Self, CandidateError> {
         Self::beside(task, groups, &[], rows)
     }
 
@@ -36,7 +36,7 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         measured: &[AbsoluteReading],
         rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
+    ) -> Result<Self, CandidateError> {
         Self::of_rows(task, groups, measured, &merged(rows))
     }
 
@@ -46,12 +46,12 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         measured: &[AbsoluteReading],
         rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
+    ) -> Result<Self, CandidateError> {
         if !task.design.mandatory.experiments.is_empty() {
             let problem =
                 "design.mandatory: plans of absolute readings have no mandatory experiments";
             let hint = "leave it out, and name readings that there are to be among the candidates of `evaluate`";
-            return Err(AbsolutePlanError::other(problem, Some(hint)));
+            return Err(CandidateError::new(problem, Some(hint)));
         }
         let rows = from_stations(task, rows)?;
         let (possible, offer) = possible(task, &rows)?;
@@ -62,7 +62,7 @@ impl<'a> AbsolutePlanning<'a> {
         let offered = candidates.len();
         candidates.extend(taken.iter().map(row_of));
         let lines: Vec<usize> = candidates.iter().map(|candidate| candidate.line).collect();
-        let of_lines = |error: IdentificationError| AbsolutePlanError::of_lines(error, &lines);
+        let of_lines = |error: IdentificationError| wrong_readings(&error, &lines);
         let mut case = AbsoluteCase::placed(&task.belief, &readings).map_err(of_lines)?;
         let sources = task.belief.uncertain.sources();
         let sources: Vec<&ReadingSource> = sources.map(|(_, source)| source).collect();
@@ -143,7 +143,7 @@ impl<'a> AbsolutePlanning<'a> {
         task: &'a Task,
         groups: &[ParameterGroup],
         rows: &[Candidate],
-    ) -> Result<Self, AbsolutePlanError> {
+    ) -> Result<Self, CandidateError> {
         check_stations(task, rows)?;
         let once = rows.iter().map(|row| Candidate {
             most: row.most.or(Some(1)),
@@ -156,7 +156,7 @@ impl<'a> AbsolutePlanning<'a> {
         let reasons = planning.offer.left_out.iter().map(ToString::to_string);
         let reasons = reasons.collect::<Vec<String>>().join("; ");
         let problem = format!("readings that are not possible: {reasons}");
-        Err(AbsolutePlanError::other(problem, None))
+        Err(CandidateError::new(problem, None))
     }
 
     /// All candidates as one plan, each as often as its file says, or once.

@@ -12,7 +12,6 @@ mod assumed;
 mod budget;
 mod contributions;
 mod drawn;
-mod error;
 mod from_rows;
 mod joint_functions;
 mod lengths;
@@ -47,10 +46,8 @@ use crate::robot::Load;
 use crate::task::{Task, TestPose};
 
 pub use drawn::{DrawnWanted, ReadingsWanted};
-pub use error::AbsolutePlanError;
 pub use predicted_accuracy::PredictedAccuracy;
 
-use error::some_of;
 use joint_functions::RobotFunctions;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
@@ -60,6 +57,8 @@ pub use together::RepeatedReading;
 
 /// Searches for one plan.
 const SEARCHES: usize = 12;
+/// So many names are told one by one.
+const NAMED: usize = 6;
 /// Candidates that are looked at together.
 const TOGETHER: usize = 512;
 /// What stands for nothing known, as a share of what a plan tells on average of what it tells most of: more than costs take for
@@ -191,7 +190,7 @@ impl AbsolutePlanning<'_> {
     }
 
     /// Some candidates, of which so many are to be measured, by what they tell of what they can tell at all.
-    fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, AbsolutePlanError> {
+    fn shown(&self, places: Vec<usize>, measurements: u32) -> Result<Shown, CandidateError> {
         let told_of = |places: &[usize]| {
             let alone = places.iter().map(|&place| vec![(place, 1)]);
             self.told_of(&alone.collect::<Vec<CandidatePlan>>())
@@ -222,10 +221,17 @@ impl AbsolutePlanning<'_> {
             && !fewest.is_empty()
         {
             let name = |&index: &usize| self.set.parameters()[index].name.clone();
-            return Err(AbsolutePlanError::Undetermined {
-                names: fewest.iter().map(name).collect(),
-                unread: self.unread().map(str::to_owned),
-            });
+            let names = some_of(&fewest.iter().map(name).collect::<Vec<String>>());
+            let unread = self
+                .unread()
+                .map(|target| format!("; none of them reads {target}"));
+            let problem = format!(
+                "the tool's place at the test poses depends on {names}, which the candidates do not separate{}",
+                unread.unwrap_or_default()
+            );
+            let hint = "give candidates in which all joints differ and whose target is the machining site, or say with [[uncertainty]] \
+                        how well joints and links are known";
+            return Err(CandidateError::new(problem, Some(hint)).whatever_number());
         }
         let basis = estimable.basis();
         let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
@@ -302,7 +308,7 @@ impl AbsolutePlanning<'_> {
         size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+    ) -> Result<AbsolutePlan, CandidateError> {
         let found = self.design_by(SEARCHES, known, size, seed, watch)?;
         let bound = match found.bound {
             None if self.ties_all() => self.bound(&found.plan)?,
@@ -319,7 +325,7 @@ impl AbsolutePlanning<'_> {
         size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
-    ) -> Result<AbsolutePlan, AbsolutePlanError> {
+    ) -> Result<AbsolutePlan, CandidateError> {
         let measurements = size.measurements;
         let effort = FiniteEffort {
             measurements,
@@ -360,7 +366,7 @@ impl AbsolutePlanning<'_> {
                 some_of(&names)
             );
             let hint = "give more --experiments, or more candidates";
-            return Err(AbsolutePlanError::other(problem, Some(hint)));
+            return Err(CandidateError::new(problem, Some(hint)));
         }
         Ok(AbsolutePlan {
             bound: self.bound_of(&bounds, measurements),
@@ -426,7 +432,7 @@ impl AbsolutePlanning<'_> {
     ///
     /// # Errors
     /// The candidates do not determine the tool's place.
-    pub fn bound(&self, plan: &[(usize, u32)]) -> Result<Option<PlanBound>, AbsolutePlanError> {
+    pub fn bound(&self, plan: &[(usize, u32)]) -> Result<Option<PlanBound>, CandidateError> {
         let measurements = plan.iter().map(|(_, times)| times).sum();
         let shown = self.shown(self.places(), measurements)?;
         let in_frame = |(_, test_poses): &(usize, DMatrix<f64>)| {
@@ -464,6 +470,17 @@ impl AbsolutePlanning<'_> {
         }
         let posterior = known_after(&self.set, &information);
         PredictedAccuracy::new(posterior, &self.poses, &self.set.scales(), count)
+    }
+}
+
+/// Some names, and how many more there are.
+fn some_of(names: &[String]) -> String {
+    let (some, rest) = names.split_at(names.len().min(NAMED));
+    let some = some.join(", ");
+    if rest.is_empty() {
+        some
+    } else {
+        format!("{some} and {} more unknowns", rest.len())
     }
 }
 

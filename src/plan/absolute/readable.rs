@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::error::AbsolutePlanError;
 use crate::experiment::Candidate;
+use crate::identification::IdentificationError;
 use crate::measurement::AbsoluteReading;
 use crate::observation::ReadLength;
 use crate::plan::search::{CandidateError, OfferedCandidates, possible_of};
@@ -18,7 +18,7 @@ use crate::task::{Belief, Task, station_named, wrong_station};
 pub(super) fn from_stations(
     task: &Task,
     rows: &[Candidate],
-) -> Result<Vec<Candidate>, AbsolutePlanError> {
+) -> Result<Vec<Candidate>, CandidateError> {
     if task.belief.stations.is_empty() {
         return Ok(rows.to_vec());
     }
@@ -35,24 +35,24 @@ pub(super) fn from_stations(
         }
     }
     if all.len() > MOST_CANDIDATES {
-        return Err(CandidateError::too_many(all.len(), "from", "station").into());
+        return Err(CandidateError::too_many(all.len(), "from", "station"));
     }
     Ok(all)
 }
 
 /// Refuses a row of a station that the task has not, or of none where it has several.
-fn check_station(task: &Task, row: &Candidate) -> Result<(), AbsolutePlanError> {
+fn check_station(task: &Task, row: &Candidate) -> Result<(), CandidateError> {
     match wrong_station(&task.belief.stations, row.station.as_deref()) {
         Some([problem, hint]) => {
             let problem = format!("line {}: {problem}", row.line);
-            Err(AbsolutePlanError::other(problem, Some(&hint)))
+            Err(CandidateError::new(problem, Some(&hint)))
         }
         None => Ok(()),
     }
 }
 
 /// Refuses readings of a plan that do not say from which of several stations they are.
-pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), AbsolutePlanError> {
+pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), CandidateError> {
     rows.iter().try_for_each(|row| check_station(task, row))
 }
 
@@ -60,7 +60,7 @@ pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), Abso
 pub(super) fn possible(
     task: &Task,
     rows: &[Candidate],
-) -> Result<(Vec<Candidate>, OfferedCandidates), AbsolutePlanError> {
+) -> Result<(Vec<Candidate>, OfferedCandidates), CandidateError> {
     let lines: Vec<usize> = rows.iter().map(|row| row.line).collect();
     let targets = targets(&task.belief, rows)?;
     let first_violation = |feasibility: &mut Feasibility<'_>, place: usize| {
@@ -86,7 +86,7 @@ pub(super) fn possible(
 fn targets<'a>(
     belief: &Belief,
     rows: &'a [Candidate],
-) -> Result<BTreeMap<&'a str, Tool>, AbsolutePlanError> {
+) -> Result<BTreeMap<&'a str, Tool>, CandidateError> {
     let mut known = BTreeMap::new();
     for row in rows {
         let Some(name) = row.target.as_deref() else {
@@ -94,12 +94,35 @@ fn targets<'a>(
         };
         if !known.contains_key(name) {
             let tool = SerialChain::tool(&belief.nominal.model, name);
-            let tool =
-                tool.map_err(|error| AbsolutePlanError::target(row.line, &error.to_string()))?;
+            let tool = tool.map_err(|error| wrong_target(row.line, &error.to_string()))?;
             known.insert(name, tool);
         }
     }
     Ok(known)
+}
+
+/// A target that the model does not have, in the line of the first candidate of it.
+fn wrong_target(line: usize, problem: &str) -> CandidateError {
+    let hint = "add the target to the scenario as a [[robot.tool]], or to the model as a site";
+    CandidateError::new(format!("line {line}: target: {problem}"), Some(hint))
+}
+
+/// What is wrong with candidates in these lines.
+pub(super) fn wrong_readings(error: &IdentificationError, lines: &[usize]) -> CandidateError {
+    let line = |reading: usize| lines.get(reading.wrapping_sub(1)).copied().unwrap_or(0);
+    match error {
+        IdentificationError::Target { reading, source } => {
+            wrong_target(line(*reading), &source.to_string())
+        }
+        IdentificationError::BeyondLoad { reading, target } => CandidateError::new(
+            format!(
+                "line {}: the target {target:?} is carried by a joint beyond the calibration tool's, at which loads act",
+                line(*reading)
+            ),
+            None,
+        ),
+        other => CandidateError::new(other.to_string(), other.hint()),
+    }
 }
 
 /// A reading that a candidate would be by what reads from its station.

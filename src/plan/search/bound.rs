@@ -82,15 +82,6 @@ pub struct PlanBound {
 }
 
 impl PlanBound {
-    /// The same where others than those may be chosen.
-    pub(in crate::plan) fn into_evidence(self) -> Self {
-        Self {
-            kind: BoundKind::Evidence,
-            proof: None,
-            ..self
-        }
-    }
-
     /// That of which so many candidates were all looked at.
     pub(in crate::plan) const fn of_all(
         best: f64,

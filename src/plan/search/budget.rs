@@ -4,7 +4,6 @@
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use super::approximate::approximate_design;
 use super::bound::{Bound, PlanBound};
 use super::error::SearchError;
 use super::exact::Watch;
@@ -60,68 +59,42 @@ pub fn budget(
     let mut problem = Problem::new(task, Criterion::TestPose);
     problem.effort.searches = SEARCHES;
     problem.stop = Some(stop);
-    let approximate = approximate_design(&problem, seed)?;
-    let fewest = problem.fewest();
+    let mut search = PlanSearch::new(problem, seed)?;
+    let fewest = search.problem.fewest();
     let all: Vec<u32> = (fewest..=largest).collect();
-    let bound = Bound::new(task, &approximate).prove(&approximate, seed, &all, proof);
-    let sizes: Vec<(u32, u32)> = (fewest..=largest)
-        .flat_map(|m| {
-            let few = (fewest..=FEW).filter(move |&c| c < m);
-            few.chain([m]).map(move |c| (m, c))
+    let approximate = &search.approximate;
+    let bound = Bound::new(task, approximate).prove(approximate, seed, &all, proof);
+    let sizes: Vec<PlanSize> = (fewest..=largest)
+        .flat_map(|measurements| {
+            let few = (fewest..=FEW).filter(move |&few| few < measurements);
+            few.chain([measurements])
+                .map(move |configurations| PlanSize {
+                    measurements,
+                    configurations,
+                })
         })
         .collect();
-    let mut search = PlanSearch {
-        problem,
-        approximate,
-        seed,
-    };
-    let whole = Effort::default().searches;
-    let own = task.design.experiments;
-    let own = (own, task.design.configurations.unwrap_or(own));
-    let mut points = Vec::new();
-    let mut plans: Vec<((u32, u32), Plan)> = Vec::new();
-    for (index, &(experiments, configurations)) in sizes.iter().enumerate() {
+    let own = PlanSize::wanted_by(task);
+    let mut points: Vec<BudgetPoint> = Vec::new();
+    for (index, &size) in sizes.iter().enumerate() {
         if stop.load(Ordering::Relaxed) && !points.is_empty() {
             break;
         }
         progress(index, sizes.len());
-        search.problem.effort.searches = match experiments {
+        search.problem.effort.searches = match size.measurements {
             // What a plan of the scenario's own size is searched with.
-            _ if (experiments, configurations) == own => whole,
+            _ if size == own => Effort::default().searches,
             many if many > MANY => SEARCHES_OF_MANY,
             _ => SEARCHES,
         };
-        // One measurement less, with one more repeat of its last experiment: the search moves it where it is best.
-        let measured_once_more = |plan: &Plan| {
-            let mut plan = plan.clone();
-            if let Some(last) = plan.experiments.last_mut() {
-                last.repeats += 1;
-            }
-            plan
-        };
-        let known = plans.iter().filter_map(|((m, c), plan)| {
-            let of_all_different = *c == *m && configurations == experiments;
-            if *m + 1 == experiments && (*c == configurations || of_all_different) {
-                Some(measured_once_more(plan))
-            } else {
-                (*m == experiments).then(|| plan.clone())
-            }
-        });
-        let known: Vec<Plan> = known.collect();
-        let size = PlanSize {
-            measurements: experiments,
-            configurations,
-        };
-        match search.best_from(size, Watch::quiet(stop), &known) {
+        let known: Vec<Plan> = points
+            .iter()
+            .filter_map(|point| point.known(size))
+            .collect();
+        match search.best(size, Watch::quiet(stop), &known) {
             Ok(design) => {
-                plans.push(((experiments, configurations), design.plan.clone()));
-                points.push(BudgetPoint::new(
-                    task,
-                    design.plan,
-                    size,
-                    design.cost,
-                    &bound,
-                ));
+                let point = BudgetPoint::new(task, design.plan, size, design.cost, &bound);
+                points.push(point);
             }
             // So few configurations do not determine the compliances: more may.
             Err(SearchError::Singular { .. }) => {}
@@ -153,10 +126,25 @@ impl BudgetPoint {
         }
     }
 
+    /// Its plan as one of a size that is known: of as many measurements, or of one less, with one more repeat of its last experiment, which
+    /// the search moves where it is best.
+    fn known(&self, size: PlanSize) -> Option<Plan> {
+        let are_all_different =
+            self.configurations == self.experiments && size.configurations == size.measurements;
+        let is_one_less = self.experiments + 1 == size.measurements
+            && (self.configurations == size.configurations || are_all_different);
+        let is_known = is_one_less || self.experiments == size.measurements;
+        let mut plan = is_known.then(|| self.plan.clone())?;
+        if let Some(last) = plan.experiments.last_mut().filter(|_| is_one_less) {
+            last.repeats += 1;
+        }
+        Some(plan)
+    }
+
     /// The point of a plan that is measured so many times as a whole; `None` where it does not determine what the test
     /// poses need. What repeats do not average stays.
     pub fn repeated(task: &Task, plan: &Plan, times: u32, bound: &Bound) -> Option<Self> {
-        let plan = repeated(plan, times);
+        let plan = plan.repeated(times);
         let rho0_m = rho0_m(task, &posterior(&task.belief, &plan))?;
         let size = PlanSize::of(&plan);
         Some(Self::new(task, plan, size, rho0_m * rho0_m, bound))
@@ -166,15 +154,6 @@ impl BudgetPoint {
     pub fn lower_bound_m(&self) -> Option<f64> {
         Some(self.bound.as_ref()?.best)
     }
-}
-
-/// A plan with so many times the repeats.
-fn repeated(plan: &Plan, times: u32) -> Plan {
-    let mut plan = plan.clone();
-    for each in &mut plan.experiments {
-        each.repeats = each.repeats.saturating_mul(times);
-    }
-    plan
 }
 
 /// More repeats than these of a plan nobody makes: what is left then stays.
@@ -192,7 +171,7 @@ pub enum RepeatsNeeded {
 /// How many times a plan is to be measured as a whole for an accuracy (m); `None` where it does not determine what the test
 /// poses need.
 pub fn repeats_needed(task: &Task, plan: &Plan, accuracy_m: f64) -> Option<RepeatsNeeded> {
-    let left_m = |times: u32| rho0_m(task, &posterior(&task.belief, &repeated(plan, times)));
+    let left_m = |times: u32| rho0_m(task, &posterior(&task.belief, &plan.repeated(times)));
     let least_m = left_m(ENDLESS)?;
     if least_m > accuracy_m {
         return Some(RepeatsNeeded::Never(least_m));

@@ -1,7 +1,11 @@
 //! Why candidates are left out, and why no plan can be chosen from them.
 
+use std::path::Path;
+
 use thiserror::Error;
 
+use crate::codes::ErrorCode;
+use crate::files::FileError;
 use crate::quantities::limits::MOST_CANDIDATES;
 
 /// What plans are chosen from, of what was offered.
@@ -34,6 +38,8 @@ pub struct LeftOutCandidates {
 pub struct CandidateError {
     problem: String,
     hint: Option<String>,
+    /// Whether more measurements are no help.
+    pub is_of_all: bool,
 }
 
 impl CandidateError {
@@ -42,6 +48,15 @@ impl CandidateError {
         Self {
             problem: problem.into(),
             hint: hint.map(str::to_owned),
+            is_of_all: false,
+        }
+    }
+
+    /// The same whatever the number of measurements.
+    pub(in crate::plan) fn whatever_number(self) -> Self {
+        Self {
+            is_of_all: true,
+            ..self
         }
     }
 
@@ -60,6 +75,12 @@ impl CandidateError {
     pub(in crate::plan) fn undetermined() -> Self {
         let problem = "the candidates do not determine what is asked for, whichever are measured";
         Self::new(problem, None)
+    }
+
+    /// The same about a file.
+    pub fn in_file(&self, path: &Path) -> FileError {
+        let wrong = FileError::new(path, self.to_string()).code(ErrorCode::AbsolutePlan);
+        wrong.hinted(self.hint())
     }
 
     /// What to do about it.

@@ -55,13 +55,8 @@ impl CandidateInformation {
     }
 
     /// The number of candidates.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.packed.len() / self.entries().max(1)
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.packed.is_empty()
     }
 
     /// Adds so many times what a candidate tells to an information matrix.
@@ -88,10 +83,10 @@ impl CandidateInformation {
     /// The mean over all candidates.
     pub fn mean(&self) -> DMatrix<f64> {
         let mut sum = DMatrix::zeros(self.size, self.size);
-        for candidate in 0..self.len() {
+        for candidate in 0..self.count() {
             self.add_to(&mut sum, candidate, 1.0);
         }
-        sum / self.len().max(1) as f64
+        sum / self.count().max(1) as f64
     }
 
     /// The directional derivative trace(G I) of each candidate, for symmetric directions G (p x p).
@@ -107,7 +102,7 @@ impl CandidateInformation {
     pub fn derivatives_of(&self, directions: &DMatrix<f64>, listed: &[usize]) -> Vec<f64> {
         let doubled = doubled(directions);
         let entries = self.entries();
-        let mut derivatives = vec![f64::NEG_INFINITY; self.len()];
+        let mut derivatives = vec![f64::NEG_INFINITY; self.count()];
         for &candidate in listed {
             let one = &self.packed[candidate * entries..(candidate + 1) * entries];
             derivatives[candidate] = product(one, &doubled);

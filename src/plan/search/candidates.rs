@@ -170,7 +170,7 @@ impl Candidates {
         };
         let problem = Problem::among(task, criterion, &self.experiments);
         let (mut exact, bound) = search(&problem)?;
-        if let Some(whole) = problem.with_left_out_among(&self.experiments, &exact.plan) {
+        if let Some(whole) = problem.with_left_out(&exact.plan) {
             exact = exact.or_better(search(&whole)?.0, &whole);
         }
         Ok((exact, self.bound_of(&problem, bound)))

@@ -1,7 +1,7 @@
 //! Plans that are optimal by other criteria, compared at the test poses.
 
 use super::approximate::ApproximateDesign;
-use super::exact::{Watch, exact_design_from};
+use super::exact::{Watch, exact_design};
 use super::problem::Problem;
 use super::size::PlanSize;
 use crate::plan::{Criterion, Plan, posterior, rho0_m};
@@ -50,7 +50,7 @@ pub fn compare_criteria(
     for criteria in RIVALS {
         let mut problem = Problem::new(task, criteria[0]);
         problem.effort.searches = SEARCHES;
-        let design = exact_design_from(&problem, approximate, size, seed, watch, &[]);
+        let design = exact_design(&problem, approximate, size, seed, watch, &[]);
         plans.push(match design {
             Ok(design) => judged(criteria, design.plan, Some(design.agreeing)),
             Err(error) => CriterionPlan {

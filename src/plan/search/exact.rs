@@ -93,25 +93,14 @@ impl<'a> Watch<'a> {
     }
 }
 
-/// Searches the best plan of a size, the mandatory experiments of the task among it, from many starts.
+/// Searches the best plan of a size, the mandatory experiments of the task among it, from many starts: no worse than plans of as many
+/// measurements in at most as many configurations that are known.
 ///
-/// The result is a function of the problem and the seed alone, unless it is stopped.
+/// The result is a function of the problem, the known plans and the seed alone, unless it is stopped.
 ///
 /// # Errors
 /// No plan determines the compliances.
 pub fn exact_design(
-    problem: &Problem<'_>,
-    approximate: &ApproximateDesign,
-    size: PlanSize,
-    seed: u64,
-    watch: Watch<'_>,
-) -> Result<ExactDesign, SearchError> {
-    exact_design_from(problem, approximate, size, seed, watch, &[])
-}
-
-/// The same, no worse than plans of as many measurements in at most as many configurations that are
-/// known already.
-pub(super) fn exact_design_from(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
     size: PlanSize,

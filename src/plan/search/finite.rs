@@ -409,7 +409,7 @@ impl FiniteProblem<'_> {
 }
 
 /// Measures a candidate so often more.
-pub(super) fn measure(plan: &mut Vec<(usize, u32)>, candidate: usize, times: u32) {
+pub(in crate::plan) fn measure(plan: &mut Vec<(usize, u32)>, candidate: usize, times: u32) {
     match plan.iter_mut().find(|(each, _)| *each == candidate) {
         Some((_, known)) => *known += times,
         None => plan.push((candidate, times)),

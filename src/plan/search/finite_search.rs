@@ -237,7 +237,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 });
                 heavy.map_or(0, |(candidate, _)| *candidate)
             } else {
-                random.random_range(0..self.problem.told.len())
+                random.random_range(0..self.problem.told.count())
             };
             // What may not be is left to those that are added where they tell most.
             if times_in(&plan, candidate) < self.problem.most[candidate] {
@@ -294,7 +294,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
 
     /// Exchanges measurements for those that prediction most, one at a time and all of a configuration at once, until none helps.
     fn improved_by_promising(&mut self, plan: CandidatePlan) -> FoundAmong {
-        let is_few = self.problem.told.len() <= FEW;
+        let is_few = self.problem.told.count() <= FEW;
         let mut is_complete = is_few;
         let mut found = FoundAmong {
             plan,

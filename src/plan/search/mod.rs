@@ -55,6 +55,7 @@ pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
 pub use exact::{ExactDesign, Watch, exact_design};
+pub(in crate::plan) use finite::measure;
 pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;

@@ -2,7 +2,7 @@
 
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::error::SearchError;
-use super::exact::{ExactDesign, Watch, exact_design_from};
+use super::exact::{ExactDesign, Watch, exact_design};
 use super::problem::Problem;
 use super::size::PlanSize;
 use crate::plan::Plan;
@@ -19,17 +19,24 @@ pub struct PlanSearch<'a> {
     pub seed: u64,
 }
 
-impl PlanSearch<'_> {
-    /// The best plan of a size, as [`exact_design`](super::exact_design) finds it, by all that is uncertain.
+impl<'a> PlanSearch<'a> {
+    /// Of a problem under a seed.
+    ///
+    /// # Errors
+    /// See [`approximate_design`].
+    pub fn new(problem: Problem<'a>, seed: u64) -> Result<Self, SearchError> {
+        Ok(Self {
+            approximate: approximate_design(&problem, seed)?,
+            problem,
+            seed,
+        })
+    }
+
+    /// The best plan of a size, as [`exact_design`] finds it beside plans that are known, by all that is uncertain.
     ///
     /// # Errors
     /// No plan determines the compliances.
-    pub fn best(&mut self, size: PlanSize, watch: Watch<'_>) -> Result<ExactDesign, SearchError> {
-        self.best_from(size, watch, &[])
-    }
-
-    /// The same beside plans of as many measurements in at most as many configurations that are known already.
-    pub(super) fn best_from(
+    pub fn best(
         &mut self,
         size: PlanSize,
         watch: Watch<'_>,
@@ -37,7 +44,7 @@ impl PlanSearch<'_> {
     ) -> Result<ExactDesign, SearchError> {
         let search = |own: &Self| {
             let (problem, approximate) = (&own.problem, &own.approximate);
-            exact_design_from(problem, approximate, size, own.seed, watch, known)
+            exact_design(problem, approximate, size, own.seed, watch, known)
         };
         let first = search(self)?;
         let Some(whole) = self.problem.with_left_out(&first.plan) else {

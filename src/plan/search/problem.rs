@@ -58,6 +58,8 @@ pub struct Problem<'a> {
     pub effort: Effort,
     /// When set, searches end with what they have.
     pub stop: Option<&'a AtomicBool>,
+    /// What plans may be of, where that is listed.
+    among: Option<&'a [Experiment]>,
     pub(super) bounds: Vec<SmoothBound>,
     pub(super) ranges: Vec<(f64, f64)>,
     /// Joints whose angle changes neither what any experiment tells nor the smooth bounds: axis 1
@@ -90,53 +92,20 @@ impl<'a> Problem<'a> {
     /// that no experiment shows and that do not matter there are left out; every other criterion is about
     /// all compliances.
     pub fn new(task: &'a Task, criterion: Criterion) -> Self {
-        Self::considering(None, task, criterion)
-    }
-
-    /// The same with all that is uncertain, be it little.
-    pub fn of_all(task: &'a Task, criterion: Criterion) -> Self {
-        Self::considering(Some((0..task.belief.unknowns()).collect()), task, criterion)
-    }
-
-    /// The same with these unknowns considered, or those that matter for random plans.
-    fn considering(considered: Option<Vec<usize>>, task: &'a Task, criterion: Criterion) -> Self {
-        let mut problem = Self::shown_by(considered, task, criterion, &|problem| {
-            random_information(problem.evaluator(), &problem.ranges, task).0
-        });
-        if problem.impossible.is_none() {
-            problem.indifferent =
-                indifferent_joints(problem.evaluator(), &problem.ranges, task, &problem.bounds);
-        }
-        problem
+        Self::considering(None, task, criterion, None)
     }
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
-    pub fn among(task: &'a Task, criterion: Criterion, experiments: &[Experiment]) -> Self {
-        Self::within_experiments(None, task, criterion, experiments)
+    pub fn among(task: &'a Task, criterion: Criterion, experiments: &'a [Experiment]) -> Self {
+        Self::considering(None, task, criterion, Some(experiments))
     }
 
-    /// The same with these unknowns considered, or those that matter for random plans.
-    fn within_experiments(
+    /// The problem with these unknowns considered, or those that matter for random plans; of plans of some experiments alone, or of any.
+    fn considering(
         considered: Option<Vec<usize>>,
         task: &'a Task,
         criterion: Criterion,
-        experiments: &[Experiment],
-    ) -> Self {
-        Self::shown_by(considered, task, criterion, &|problem| {
-            let size = problem.parameters();
-            let zero = DMatrix::zeros(size, size);
-            experiments
-                .iter()
-                .fold(zero, |sum, each| sum + problem.told(each, 1))
-        })
-    }
-
-    /// The problem within what experiments show that give this information all together.
-    fn shown_by(
-        considered: Option<Vec<usize>>,
-        task: &'a Task,
-        criterion: Criterion,
-        information: &dyn Fn(&Self) -> DMatrix<f64>,
+        among: Option<&'a [Experiment]>,
     ) -> Self {
         let parameters = &task.belief.parameters;
         let mut problem = Self::of_parameters(considered, task, criterion, parameters);
@@ -146,8 +115,17 @@ impl<'a> Problem<'a> {
             problem.impossible = Some(SearchError::CompliancesAlone { names });
             return problem;
         }
-        let information = information(&problem) + &problem.prior;
-        let shown = Estimable::new(&information, &vec![1.0; problem.parameters()]);
+        let size = problem.parameters();
+        let information = &problem.prior
+            + among.map_or_else(
+                || random_information(problem.evaluator(), &problem.ranges, task).0,
+                |experiments| {
+                    let zero = DMatrix::zeros(size, size);
+                    let each = experiments.iter().map(|each| problem.told(each, 1));
+                    each.fold(zero, |sum, told| sum + told)
+                },
+            );
+        let shown = Estimable::new(&information, &vec![1.0; size]);
         if !shown.is_complete() {
             problem = problem.within(&shown, &information);
         }
@@ -156,7 +134,11 @@ impl<'a> Problem<'a> {
             let share = f64::from(task.design.experiments.max(1));
             problem.beside = Some(&problem.prior / share);
         }
-        problem
+        if among.is_none() && problem.impossible.is_none() {
+            problem.indifferent =
+                indifferent_joints(problem.evaluator(), &problem.ranges, task, &problem.bounds);
+        }
+        Self { among, ..problem }
     }
 
     /// The problem within what experiments show, if that is enough.
@@ -248,6 +230,7 @@ impl<'a> Problem<'a> {
             (sizes, test_poses, prior_information(task, parameters))
         };
         Self {
+            among: None,
             indifferent: Vec::new(),
             bounds: bounds_of(&task.region),
             ranges,
@@ -356,28 +339,11 @@ impl<'a> Problem<'a> {
 
     /// The problem with what is left out and counts in a plan considered, if there is such.
     pub(super) fn with_left_out(&self, plan: &Plan) -> Option<Self> {
-        self.where_it_counts(plan, |considered| {
-            Self::considering(Some(considered), self.task, self.criterion)
-        })
-    }
-
-    /// The same for plans of these experiments alone.
-    pub(super) fn with_left_out_among(&self, all: &[Experiment], plan: &Plan) -> Option<Self> {
-        self.where_it_counts(plan, |considered| {
-            Self::within_experiments(Some(considered), self.task, self.criterion, all)
-        })
-    }
-
-    fn where_it_counts(
-        &self,
-        plan: &Plan,
-        considering: impl FnOnce(Vec<usize>) -> Self,
-    ) -> Option<Self> {
         let considered = relevant_in(self.task, self.extended?, plan, &self.considered)?;
         Some(Self {
             effort: self.effort,
             stop: self.stop,
-            ..considering(considered)
+            ..Self::considering(Some(considered), self.task, self.criterion, self.among)
         })
     }
 

@@ -139,7 +139,7 @@ fn is_alike(extended: &Extended) -> bool {
 }
 
 /// Whether nothing has to be left out.
-pub(super) fn is_provable(task: &Task, extended: &Extended) -> bool {
+fn is_provable(task: &Task, extended: &Extended) -> bool {
     is_alike(extended)
         && extended.unloaded() == Unloaded::Own
         && extended.further().next().is_none()

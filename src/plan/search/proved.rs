@@ -14,7 +14,7 @@ use crate::task::{Belief, Task};
 
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::problem::Problem;
-use super::provable::{ProvableTask, is_provable, spread};
+use super::provable::{ProvableTask, spread};
 use super::rows::bound_rows;
 
 /// A proof replaces what searches found where its gap is at most this.
@@ -67,10 +67,7 @@ impl ProvedBound {
         effort: ProofLimits<'_>,
     ) -> Result<Self, NoProof> {
         let task = problem.task;
-        if problem
-            .extended
-            .is_some_and(|extended| !is_provable(task, extended))
-        {
+        if !ProvableTask::is_itself(problem) {
             return Err(NoProof::Uncertain);
         }
         let rows = bound_rows(problem, approximate).ok_or(NoProof::Singular)?;

@@ -1,6 +1,7 @@
 //! How large plans are.
 
 use crate::plan::Plan;
+use crate::task::Task;
 
 /// How large a plan is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -12,6 +13,19 @@ pub struct PlanSize {
 }
 
 impl PlanSize {
+    /// So many measurements in so many configurations, or in as many as there are measurements, which are never more.
+    pub fn new(measurements: u32, configurations: Option<u32>) -> Self {
+        Self {
+            measurements,
+            configurations: configurations.map_or(measurements, |most| most.min(measurements)),
+        }
+    }
+
+    /// The size that a task wants.
+    pub fn wanted_by(task: &Task) -> Self {
+        Self::new(task.design.experiments, task.design.configurations)
+    }
+
     /// So many measurements, each of which may be of a configuration of its own.
     pub const fn all_different(measurements: u32) -> Self {
         Self {
