@@ -17,8 +17,8 @@ const NOTHING: f64 = 1e-10;
 pub const CONVERGED: f64 = 1e-6;
 /// A step this short in standard errors may end in the rounding of the sum of squares.
 const SHORT: f64 = 1e-3;
-/// After so many steps a short one is enough: readings that the model explains badly make the steps small and many. No fit is awaited whose
-/// steps would not be short after all that are allowed if they shrink on as until then.
+/// After so many steps a short one is enough: readings that the model explains badly make the steps small and many. A fit that is within a
+/// standard error then is not awaited if its steps, shrinking as the last one did, would not be short after all that are allowed.
 const PATIENCE: usize = 20;
 /// Nearly linear fits take three to six steps; far starts take some more.
 const MAXIMUM_ITERATIONS: usize = 60;
@@ -92,7 +92,7 @@ pub fn gauss_newton<Problem: FitProblem>(
     problem: &mut Problem,
     start: FitPlace<Problem::Kept>,
 ) -> FitResult<(FitPlace<Problem::Kept>, usize)> {
-    let (begun, first) = (start.values.clone(), start.length());
+    let begun = start.values.clone();
     let mut now = start;
     let mut before: Option<FitPlace<Problem::Kept>> = None;
     let mut curvature: Option<DMatrix<f64>> = None;
@@ -105,8 +105,9 @@ pub fn gauss_newton<Problem: FitProblem>(
             return Ok((now, iterations));
         }
         if let Some(before) = &before {
-            let steps_left = (MAXIMUM_ITERATIONS - iterations) as f64 / (iterations - 1) as f64;
-            if iterations > PATIENCE && length * (length / first).powf(steps_left) > SHORT {
+            let steps_left = (MAXIMUM_ITERATIONS - iterations) as f64;
+            let last_length = length * (length / before.length()).powf(steps_left);
+            if iterations > PATIENCE && length < 1.0 && last_length > SHORT {
                 break;
             }
             if problem.is_hopeless(before, &now) {
