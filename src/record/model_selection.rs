@@ -20,7 +20,8 @@ pub fn model_selection_json(model_selection: &ModelSelection) -> Value {
         "best": recommendation.map(|each| each.best),
         "recommended": recommendation.map(|each| each.nested_model),
         "with_joint_errors": model_selection.with_joint_errors.as_ref().map(nested_model),
-        "recommends_joint_errors": model_selection.recommends_joint_errors(),
+        "recommends_joint_errors": (model_selection.with_joint_errors.as_ref())
+            .map(|_| model_selection.recommends_joint_errors()),
         "sentences": recommendation.map_or(&[][..], |each| &each.sentences),
         "rejected": rejected.collect::<Vec<_>>(),
     })

@@ -9,6 +9,7 @@ use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
+use super::unknowns::is_geometry;
 use super::{
     AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
     ParameterGroup, ReadingResidual, RejectedReading, Unexplained,
@@ -138,7 +139,14 @@ impl<'a> AbsoluteCase<'a> {
     ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
-            let mut found = self.fit_without(start, &set, weights, None)?;
+            let mut found = match self.fit_without(start, &set, weights, None) {
+                Err(IdentificationError::NotConverged { step }) if !are_given => {
+                    let rejected = self.far_out_of_fewer(&set, weights, start);
+                    let rejected = rejected.ok_or(IdentificationError::NotConverged { step })?;
+                    self.fit_without(&rejected, &set, weights, None)?
+                }
+                found => found?,
+            };
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
@@ -155,6 +163,28 @@ impl<'a> AbsoluteCase<'a> {
                 None => return Ok(found),
             }
         }
+    }
+
+    /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.
+    fn far_out_of_fewer(
+        &self,
+        set: &ParameterSet,
+        weights: ReadingWeights,
+        start: &[RejectedReading],
+    ) -> Option<Vec<RejectedReading>> {
+        let is_firm = |kind: ParameterKind| {
+            let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+            kind.is_mounted() || is_geometry(kind) || is_compliance
+        };
+        let all = set.parameters();
+        let firm: Vec<usize> = (0..set.len())
+            .filter(|&place| is_firm(all[place].kind))
+            .collect();
+        let first = self
+            .fit_without(start, &set.subset(&firm), weights, None)
+            .ok()?;
+        let rejected = self.without_far_out(weights, &first)?.rejected;
+        (rejected.len() > start.len()).then_some(rejected)
     }
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
@@ -244,7 +274,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// One fit without some readings, from near another one.
-    fn fit_without(
+    pub(super) fn fit_without(
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,

@@ -38,6 +38,8 @@ const ORDER: [ParameterGroup; 6] = [
 const BLOCKS: usize = 16;
 /// So many different configurations in each.
 const IN_A_BLOCK: usize = 2;
+/// Why a group makes no model that is none.
+const NOTHING_NEW: &str = "adds nothing that this robot has";
 
 /// Models of a robot, each with one group of parameters more.
 #[derive(Debug, Clone)]
@@ -122,7 +124,8 @@ impl AbsoluteCase<'_> {
         self.count_of_blocks()?;
         let start = self.far_from_frames();
         let mut case = self.without(&start);
-        let (mut steps, skipped) = case.climb(weights)?;
+        let mut steps = Vec::new();
+        let mut skipped = case.climb(&mut steps, weights)?;
         let highest = steps.len().saturating_sub(1);
         case.fit_again(&mut steps[highest..])?;
         let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
@@ -144,6 +147,14 @@ impl AbsoluteCase<'_> {
             for step in &mut steps {
                 // Near enough to the frames of that fit to begin with.
                 step.fit.posterior.mean = from_its_frames(&step.fit).as_slice().to_vec();
+            }
+            // Without what lies far out groups may be fitted that were not.
+            let failed = skipped.iter().find(|(_, reason)| reason != NOTHING_NEW);
+            if let Some(&(failed, _)) = failed {
+                let below = ORDER.iter().take_while(|group| **group != failed);
+                let below: Vec<_> = below.collect();
+                steps.retain(|step| below.contains(&&step.added));
+                skipped = case.climb(&mut steps, weights)?;
             }
         }
         case.fit_again(&mut steps)?;
@@ -184,6 +195,8 @@ impl AbsoluteCase<'_> {
             let (place, chosen) = (found.nested_model, &nested_models[found.nested_model]);
             let plain = without[place].as_ref().ok()?;
             let fit = &fits[place];
+            // Where the readings' own errors explain what the model leaves there are no others.
+            (self.fit_without(&rejected, &fit.set, weights, None).ok()?).discrepancy?;
             let mut model = with_joint_errors((&blocks, &judged), fit, (chosen, plain))?;
             found.compare_joint_errors(chosen, &mut model);
             Some(model)
@@ -213,15 +226,20 @@ impl AbsoluteCase<'_> {
         Ok(count)
     }
 
-    /// Fits all nested models, each from the one below and by what that leaves; with the groups that make none.
-    fn climb(&mut self, weights: ReadingWeights) -> FitResult<(Vec<NestedModelFit>, Skipped)> {
-        let (mut steps, mut skipped): (Vec<NestedModelFit>, _) = (Vec::new(), Vec::new());
-        for added in ORDER {
-            let groups = named(&steps, added);
+    /// Fits all nested models beyond those that there are, each from the one below and by what that leaves; the groups that make none.
+    fn climb(
+        &mut self,
+        steps: &mut Vec<NestedModelFit>,
+        weights: ReadingWeights,
+    ) -> FitResult<Skipped> {
+        let mut skipped = Vec::new();
+        let there: Vec<ParameterGroup> = steps.iter().map(|step| step.added).collect();
+        for added in ORDER.into_iter().filter(|added| !there.contains(added)) {
+            let groups = named(steps, added);
             let (set, _) = self.told_apart(&groups, &[])?;
             let fit = if let Some(below) = steps.last() {
                 if kinds(&below.fit.set).eq(kinds(&set)) {
-                    skipped.push((added, "adds nothing that this robot has".to_owned()));
+                    skipped.push((added, NOTHING_NEW.to_owned()));
                     continue;
                 }
                 let mut start = set.prior().mean.clone();
@@ -246,7 +264,7 @@ impl AbsoluteCase<'_> {
                 Err(error) => skipped.push((added, error.to_string())),
             }
         }
-        Ok((steps, skipped))
+        Ok(skipped)
     }
 
     /// Fits nested models from where they are, all with the weights that the readings have now.
