@@ -14,6 +14,8 @@ use crate::text::wording::in_um;
 
 /// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
 const NEAR: f64 = 5.0 * std::f64::consts::PI / 180.0;
+/// With one discrepancy for all of these an accuracy that is worse by a smaller share is as good.
+const LITTLE_WORSE: f64 = 0.01;
 /// Compensation that leaves more than this share of the task deflection gains next to nothing.
 const NO_GAIN: f64 = 0.5;
 /// Deflections of more than this share of the reach are not small: what is predicted to first order errs by about as large a share of them.
@@ -107,6 +109,9 @@ fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
         return None;
     }
     let as_one_m = rho0_m(task, &posterior(&task.belief, &as_one))?;
+    if as_one_m - own_m < LITTLE_WORSE * own_m {
+        return None;
+    }
     let more = match pairs.len().saturating_sub(NAMED) {
         0 => String::new(),
         more => format!(", and {more} more"),
