@@ -167,6 +167,24 @@ fn what_was_put_in_is_recommended() {
     }
 }
 
+/// Where the readings' own errors explain the residuals nothing recommends joint error functions.
+#[test]
+fn robots_without_joint_errors_get_no_functions() {
+    let scenario = ur10();
+    let rows = (0..8u64).into_par_iter().map(|seed| {
+        let mut random = generator(23, seed);
+        let nominal = seen_arm(&mut random, &scenario, 1, 1);
+        let arm = other_arm(&mut random, &nominal, 1.0);
+        let readings = read_of(&mut random, &arm, 100, 0.0, &|_, _| 0.0);
+        let found = model_selection(&scenario.task.belief, &readings);
+        assert!(found.recommendation.is_some());
+        found.with_joint_errors.is_some()
+    });
+    let rows: Vec<bool> = rows.collect();
+    // Residuals are implausible by chance (p < 1e-4) in one file of ten thousand.
+    assert_eq!(rows, [false; 8]);
+}
+
 #[test]
 fn the_command_recommends_fits_and_draws() {
     let place = workplace(&plain(60, true));
