@@ -95,6 +95,12 @@ impl<'a> Problem<'a> {
         Self::considering(None, task, criterion, None)
     }
 
+    /// The same with all that is uncertain, be it little.
+    pub fn of_all(task: &'a Task, criterion: Criterion) -> Self {
+        let all = (0..task.belief.unknowns()).collect();
+        Self::considering(Some(all), task, criterion, None)
+    }
+
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
     pub fn among(task: &'a Task, criterion: Criterion, experiments: &'a [Experiment]) -> Self {
         Self::considering(None, task, criterion, Some(experiments))
