@@ -88,7 +88,7 @@ impl<'a> ExperimentModel<'a> {
             .collect()
     }
 
-    /// As [`Self::rows_of`], for the experiments of one configuration, whitened together.
+    /// The rows of the experiments of one configuration, whitened together.
     pub fn rows_together(
         &self,
         model: &mut PlannedReadings<'_>,
