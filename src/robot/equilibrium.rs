@@ -18,11 +18,9 @@ use super::kinematic_state::{KinematicState, Kinematics, Load};
 
 /// The last step of a converged solution is no larger than this (rad).
 pub const CONVERGED_RAD: f64 = 1e-12;
-/// Where the tool's place alone is asked for, a plain arm takes a last step as short as this without a new geometry (rad): joints are then
-/// right to some thousandths of its square, the tool's place to rounding ...
-const CLOSE_FOR_PLACES_RAD: f64 = 1e-6;
-/// ... and where derivatives are asked for, too, which are those before the step.
-const CLOSE_FOR_DERIVATIVES_RAD: f64 = 1e-7;
+/// A plain arm takes a last step as short as this without new torques (rad): joints are then right to some thousandths of its square, the
+/// tool's place to rounding.
+const CLOSE_RAD: f64 = 1e-6;
 /// Newton's method needs three or four steps; more than this is a failure.
 pub const MAXIMUM_ITERATIONS: usize = 30;
 /// A deflection beyond this is no longer that of an elastic joint (rad).
@@ -117,15 +115,25 @@ pub struct EquilibriumSolver {
     gradient: DMatrix<f64>,
     system: DMatrix<f64>,
     step: DVector<f64>,
-    /// A last step as short as this (rad) is followed without a new geometry.
-    close_rad: Option<f64>,
+    last: LastStep,
+}
+
+/// What a plain arm's last step changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum LastStep {
+    /// Nothing: it is of no account.
+    Nothing,
+    /// The joints' angles, the torques and the tool's place.
+    Places,
+    /// The same, and all geometry.
+    Geometry,
 }
 
 impl EquilibriumSolver {
     /// A solver for arms of n joints.
     pub fn new(joints: usize) -> Self {
         Self {
-            close_rad: None,
+            last: LastStep::Nothing,
             state: KinematicState::new(joints),
             q: DVector::zeros(joints),
             torque: DVector::zeros(joints),
@@ -138,7 +146,7 @@ impl EquilibriumSolver {
     /// The same where of the geometry at rest the tool's place alone counts.
     pub fn of_places(joints: usize) -> Self {
         Self {
-            close_rad: Some(CLOSE_FOR_PLACES_RAD),
+            last: LastStep::Places,
             ..Self::new(joints)
         }
     }
@@ -146,7 +154,7 @@ impl EquilibriumSolver {
     /// The same where the tool's place and its derivatives count.
     pub fn of_derivatives(joints: usize) -> Self {
         Self {
-            close_rad: Some(CLOSE_FOR_DERIVATIVES_RAD),
+            last: LastStep::Geometry,
             ..Self::new(joints)
         }
     }
@@ -202,8 +210,16 @@ impl EquilibriumSolver {
         commanded_rad: &[f64],
         load: &Load,
     ) -> Result<Equilibrium, EquilibriumError> {
-        let followed_rad = self.close_rad.filter(|_| arm.is_plain());
-        let close_rad = followed_rad.unwrap_or(CONVERGED_RAD);
+        let last = if arm.is_plain() {
+            self.last
+        } else {
+            LastStep::Nothing
+        };
+        let close_rad = if last == LastStep::Nothing {
+            CONVERGED_RAD
+        } else {
+            CLOSE_RAD
+        };
         let mut last_step_rad = f64::INFINITY;
         let mut iterations = 0;
         while iterations < MAXIMUM_ITERATIONS {
@@ -225,10 +241,14 @@ impl EquilibriumSolver {
             // A step as small as this is not worth a new geometry: the last one is that of `q`. With soft
             // springs or long ways to slide it is.
             if last_step_rad <= close_rad {
-                if followed_rad.is_some() {
+                if last != LastStep::Nothing {
                     self.q += &self.step;
                     self.torque.gemv(1.0, &self.gradient, &self.step, 1.0);
-                    self.state.follow(self.step.as_slice());
+                    if last == LastStep::Places {
+                        self.state.follow(self.step.as_slice());
+                    } else {
+                        arm.update(self.q.as_slice(), &mut self.state);
+                    }
                 } else if !arm.is_plain() && last_step_rad > 0.0 {
                     self.q += &self.step;
                     self.evaluate(arm, load);
