@@ -123,25 +123,34 @@ struct PredictedPose<'a> {
     squares: Vec<[Option<f64>; 2]>,
 }
 
-/// The squares of some poses' readings, of positions or of rotations.
+/// The squares of a pose's readings, of positions or of rotations.
 struct PoseSquares<'a> {
     angles: &'a [f64],
     squares: Vec<f64>,
+    /// Of how many poses each tells.
+    weight: f64,
+    /// Whether they were fitted.
+    is_kept: bool,
 }
 
-impl PoseSquares<'_> {
+impl<'a> PoseSquares<'a> {
+    /// Of all poses that have such readings.
+    fn of_part(part: usize, all: &[PredictedPose<'a>]) -> Vec<Self> {
+        let each = all.iter().map(|pose| {
+            let squares: Vec<f64> = pose.squares.iter().filter_map(|each| each[part]).collect();
+            Self {
+                angles: pose.angles,
+                weight: 1.0 / squares.len() as f64,
+                squares,
+                is_kept: true,
+            }
+        });
+        each.filter(|pose| !pose.squares.is_empty()).collect()
+    }
+
     fn mean(&self) -> f64 {
         self.squares.iter().sum::<f64>() / self.squares.len() as f64
     }
-}
-
-/// Of those that have such readings.
-fn of_part<'a>(part: usize, all: &[PredictedPose<'a>]) -> Vec<PoseSquares<'a>> {
-    let each = all.iter().map(|pose| PoseSquares {
-        angles: pose.angles,
-        squares: pose.squares.iter().filter_map(|each| each[part]).collect(),
-    });
-    each.filter(|pose| !pose.squares.is_empty()).collect()
 }
 
 /// A square relative to what is expected where it is.
@@ -163,68 +172,56 @@ impl DiscrepancyModel {
         kept: &[PredictedPose<'_>],
         left_out: &[PredictedPose<'_>],
     ) -> Option<f64> {
-        let (kept, left_out) = (of_part(part, kept), of_part(part, left_out));
-        let all = |poses: &[PoseSquares<'_>]| -> Vec<f64> {
-            poses
-                .iter()
-                .flat_map(|pose| &pose.squares)
-                .copied()
-                .collect()
-        };
-        let squares = all(&kept);
+        let mut poses = PoseSquares::of_part(part, kept);
+        let squares: Vec<f64> = poses
+            .iter()
+            .flat_map(|pose| &pose.squares)
+            .copied()
+            .collect();
         if squares.is_empty() {
             return None;
         }
         let within = squares.iter().filter(|each| **each <= SQUARE_95);
         let share = Some(within.count() as f64 / squares.len() as f64);
-        let means = kept.iter().map(PoseSquares::mean).sum::<f64>();
-        self.mean_scale[part] = means / (3.0 * kept.len() as f64);
-        if kept.len() < SCALED_FROM {
+        let count = poses.len() as f64;
+        let means = poses.iter().map(PoseSquares::mean).sum::<f64>();
+        self.mean_scale[part] = means / (3.0 * count);
+        if poses.len() < SCALED_FROM {
             let largest = squares.iter().copied().fold(SQUARE_95, f64::max);
             self.scale[part] = largest / SQUARE_95;
             return share;
         }
-        let weight_left_out = kept.len() as f64 / squares.len() as f64;
-        let mut shares = shares_of_tail(&squares, &all(&left_out)).into_iter();
-        let (mut sure, mut doubtful) = (Vec::new(), Vec::new());
-        for pose in &left_out {
-            for (square, share) in pose.squares.iter().zip(&mut shares) {
-                let of_tail = if share > LIKELIER {
-                    &mut sure
-                } else {
-                    &mut doubtful
-                };
-                of_tail.push((pose.angles, *square, share * weight_left_out));
-            }
-        }
-        let of_kept = kept.iter().map(|pose| (pose.angles, pose.mean()));
-        let of_sure = sure.iter().map(|(angles, square, _)| (*angles, *square));
-        let factors = self.spread(part, &of_kept.chain(of_sure).collect::<Vec<_>>());
-        let (of_poses, of_sure) = factors.split_at(kept.len());
-        let mut relative = Vec::new();
-        for (pose, factor) in kept.iter().zip(of_poses) {
-            relative.extend(pose.squares.iter().map(|square| RelativeSquare {
-                square: square / factor,
-                weight: 1.0 / pose.squares.len() as f64,
-                is_kept: true,
-            }));
-        }
-        let mut add = |square: f64, weight: f64| {
-            relative.push(RelativeSquare {
-                square,
-                weight,
+        let left_out = PoseSquares::of_part(part, left_out);
+        let each = left_out.iter();
+        let each = each.flat_map(|pose| pose.squares.iter().map(|square| (pose.angles, *square)));
+        let each: Vec<(&[f64], f64)> = each.collect();
+        let others: Vec<f64> = each.iter().map(|(_, square)| *square).collect();
+        let mut doubtful = Vec::new();
+        for ((angles, square), share) in each.iter().zip(shares_of_tail(&squares, &others)) {
+            let to = if share > LIKELIER {
+                &mut poses
+            } else {
+                &mut doubtful
+            };
+            to.push(PoseSquares {
+                angles,
+                squares: vec![*square],
+                weight: share * count / squares.len() as f64,
                 is_kept: false,
             });
-        };
-        for ((_, square, weight), factor) in sure.iter().zip(of_sure) {
-            add(square / factor, *weight);
         }
-        for (angles, square, weight) in doubtful {
-            add(
-                square / self.relative_at(part, angles.iter().copied()),
-                weight,
-            );
-        }
+        let mut factors = self.spread(part, &poses);
+        let at = |pose: &PoseSquares<'_>| self.relative_at(part, pose.angles.iter().copied());
+        factors.extend(doubtful.iter().map(at));
+        let all = poses.iter().chain(&doubtful).zip(factors);
+        let relative = all.flat_map(|(pose, factor)| {
+            pose.squares.iter().map(move |square| RelativeSquare {
+                square: square / factor,
+                weight: pose.weight,
+                is_kept: pose.is_kept,
+            })
+        });
+        let relative: Vec<RelativeSquare> = relative.collect();
         let all = relative.iter().map(|each| each.weight).sum::<f64>();
         let whole = relative.iter().map(|each| each.weight * each.square);
         self.mean_scale[part] = whole.sum::<f64>() / (3.0 * all);
@@ -233,11 +230,12 @@ impl DiscrepancyModel {
     }
 
     /// How errors are spread over joint space: by how much larger squares are where each is, as the others have it.
-    fn spread(&mut self, part: usize, all: &[(&[f64], f64)]) -> Vec<f64> {
+    fn spread(&mut self, part: usize, all: &[PoseSquares<'_>]) -> Vec<f64> {
         if all.len() < SPREAD_FROM {
             return vec![1.0; all.len()];
         }
-        let (angles, squares): (Vec<&[f64]>, Vec<f64>) = all.iter().copied().unzip();
+        let means = all.iter().map(|pose| (pose.angles, pose.mean()));
+        let (angles, squares): (Vec<&[f64]>, Vec<f64>) = means.unzip();
         let ranges: Vec<[f64; 2]> = (self.joints.iter())
             .map(|each| each.process.range())
             .collect();
