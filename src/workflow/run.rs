@@ -29,13 +29,11 @@ use crate::plan::search::{
     ApproximateDesign, Bound, CandidateError, PlanSize, RepeatsNeeded, SearchError, Watch,
     median_random_plan, random_plan, repeats_needed,
 };
-use crate::record::absolute_plan::{
-    AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
-};
+use crate::record::absolute_plan::{AbsolutePlanMessage, ReadingsRunMessage, planned_readings};
 use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::{
-    CalibrationMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, TruthMessage,
-    assessment_json, results,
+    CalibrationMessage, PlanRowMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage,
+    TruthMessage, assessment_json, results,
 };
 use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
@@ -435,7 +433,7 @@ pub fn replay_readings(
 fn record(
     scenario: &Scenario,
     (robots, number): (&TrueRobots, u64),
-    (name, plan): (&str, Vec<PlannedReadingMessage>),
+    (name, plan): (&str, Vec<PlanRowMessage>),
     (case, fit, poses): (&AbsoluteCase<'_>, &AbsoluteFit, &[CompensatedPose]),
     readings: Vec<AbsoluteReading>,
 ) -> ReadingsRunMessage {

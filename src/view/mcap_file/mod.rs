@@ -28,7 +28,9 @@ use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::laboratory::Costs;
 use crate::record::absolute_plan::{ReadingsRunMessage, quaternion};
 use crate::record::length::LengthField;
-use crate::record::messages::{MeasurementMessage, ProvenanceMessage, thousandfold};
+use crate::record::messages::{
+    MeasurementMessage, PlanRowMessage, ProvenanceMessage, thousandfold,
+};
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -40,7 +42,6 @@ const STEPS: Topic = Topic("/steps", "elastocal.Step");
 const MEASUREMENTS: Topic = Topic("/measurements", "elastocal.Measurement");
 const IDENTIFICATION: Topic = Topic("/identification", "elastocal.Identification");
 // Topics have one type each: a file is of deflections or of absolute readings.
-const READINGS_PLAN: Topic = Topic("/plan", "elastocal.ReadingsPlan");
 const READINGS: Topic = Topic("/measurements", "elastocal.Reading");
 const IDENTIFIED_READINGS: Topic = Topic("/identification", "elastocal.IdentifiedReadings");
 const TEST_POSES: Topic = Topic("/test_poses", "elastocal.TestPose");
@@ -61,9 +62,9 @@ struct OfPlan<'a, T> {
 
 /// A plan.
 #[derive(Debug, Serialize, JsonSchema)]
-struct PlanRows<'a, T> {
+struct PlanRows<'a> {
     /// The experiments, or the rows of absolute readings.
-    plan: &'a [T],
+    plan: &'a [PlanRowMessage],
 }
 
 /// What was identified with a plan.
@@ -215,16 +216,8 @@ impl<W: Write + Seek> Channels<W> {
         self.write(&PROVENANCE, start, &recording.provenance)?;
         for each in &recording.calibrations {
             let name = each.record.name();
-            match &each.record {
-                PlanRecord::Deflections(record) => {
-                    let plan = &record.plan;
-                    self.write_of(&PLAN, start, name, PlanRows { plan })?;
-                }
-                PlanRecord::Readings(record) => {
-                    let plan = &record.plan;
-                    self.write_of(&READINGS_PLAN, start, name, PlanRows { plan })?;
-                }
-            }
+            let plan = each.record.plan();
+            self.write_of(&PLAN, start, name, PlanRows { plan })?;
         }
         if recording.shows_robot() {
             self.draw(SCENE, start, &scene::scenery(recording, start))?;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 use serde_json::Value;
 
 use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::record::messages::{CalibrationMessage, PlanRowMessage, TestPoseMessage};
 use crate::text::wording::naming;
 
 /// Plan, readings and results.
@@ -46,11 +46,11 @@ impl PlanRecord {
         }
     }
 
-    /// How many rows the plan has.
-    pub const fn planned(&self) -> usize {
+    /// The plan.
+    pub fn plan(&self) -> &[PlanRowMessage] {
         match self {
-            Self::Deflections(record) => record.plan.len(),
-            Self::Readings(record) => record.plan.len(),
+            Self::Deflections(record) => &record.plan,
+            Self::Readings(record) => &record.plan,
         }
     }
 
@@ -72,22 +72,14 @@ impl PlanRecord {
 
     /// What a row of the plan, numbered from 1, is.
     pub fn row_title(&self, number: usize) -> String {
-        let rows = self.planned();
-        let Self::Readings(record) = self else {
+        let rows = self.plan().len();
+        let row = self.plan().get(number - 1);
+        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
             return format!("experiment {number} of {rows}");
         };
-        let row = record.plan.get(number - 1);
-        let target = naming(row.and_then(|row| row.target.as_ref()), ": {}");
-        let station = naming(row.and_then(|row| row.station.as_ref()), " from {}");
+        let target = naming(&reads.target, ": {}");
+        let station = naming(&reads.station, " from {}");
         format!("row {number} of {rows}{target}{station}")
-    }
-
-    /// The direction of a gauge in a row of the plan.
-    pub fn direction(&self, row: usize) -> Option<[f64; 3]> {
-        match self {
-            Self::Deflections(record) => record.plan.get(row)?.direction,
-            Self::Readings(_) => None,
-        }
     }
 
     /// The group of curves of what was read, and its name.

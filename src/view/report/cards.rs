@@ -53,8 +53,9 @@ pub fn readings_cards(plan: &AbsolutePlanMessage, run: Option<&AbsoluteRun<'_>>)
     let rows = || plan.plan.iter();
     let configurations = each_once(rows().map(|row| &row.q_deg)).len();
     let loaded = rows().filter(|row| row.wrench.is_some()).count();
-    let targets = each_once(rows().filter_map(|row| row.target.as_ref()));
-    let stations = each_once(rows().filter_map(|row| row.station.as_ref()));
+    let reads = || rows().filter_map(|row| row.reads.as_ref());
+    let targets = each_once(reads().filter_map(|reads| reads.target.as_ref()));
+    let stations = each_once(reads().filter_map(|reads| reads.station.as_ref()));
     let readings = counted(plan.experiments.into(), "reading");
     let about = format!(
         "{loaded} of {} under a load.{}{}",

@@ -25,7 +25,8 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
         } => {
             let shown = measurements.clone().flat_map(|index| record.shown(index));
             let shown: Vec<_> = shown.collect();
-            let direction = record.direction(number - 1);
+            let planned = record.plan().get(number - 1);
+            let direction = planned.and_then(|planned| planned.direction);
             let along = direction.map_or_else(
                 || "length".to_owned(),
                 |along| format!("along {}", listed(along, 4)),
