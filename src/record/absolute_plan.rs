@@ -1,13 +1,9 @@
 //! A plan of absolute readings as a record.
 
 use serde::Serialize;
-use serde_json::{Value, json};
 
 use super::length::LengthField;
-use super::messages::{PlanRowMessage, PlannedReadingMessage, TestPoseMessage, TruthMessage};
-use crate::codes::Condition;
-use crate::identification::AbsoluteMessage;
-use crate::measurement::AbsoluteReading;
+use super::messages::{PlanRowMessage, PlannedReadingMessage};
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
@@ -94,62 +90,6 @@ pub fn planned_readings(
         ..PlanRowMessage::new(&commands, &row.experiment(repeats))
     })
     .collect()
-}
-
-/// What an instrument said (mm), in its own frame.
-fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
-    let reading = |each: &AbsoluteReading| {
-        if each.length.is_some() {
-            return json!(LengthField(each.length));
-        }
-        let position_mm: [f64; 3] = (each.position_m * 1e3).into();
-        json!({ "position_mm": position_mm, "quaternion": quaternion(each) })
-    };
-    readings.iter().map(reading).collect()
-}
-
-/// The orientation of a pose, real part first, in the instrument's frame.
-pub fn quaternion(reading: &AbsoluteReading) -> Option<[f64; 4]> {
-    (reading.rotation).map(|turned| [turned.w, turned.i, turned.j, turned.k])
-}
-
-/// A plan of absolute readings that was carried out once.
-#[derive(Debug, Clone)]
-pub struct ReadingsRunMessage {
-    /// The plan's name.
-    pub name: String,
-    /// The plan.
-    pub plan: Vec<PlanRowMessage>,
-    /// What was read.
-    pub readings: Vec<AbsoluteReading>,
-    /// The simulated truth of the run,
-    pub truth: TruthMessage,
-    /// and of it the quantities that were identified, in their order; none where a run does not say them.
-    pub true_values: Vec<Option<f64>>,
-    /// What was identified.
-    pub identification: AbsoluteMessage,
-    /// What that achieves at each test pose.
-    pub test_poses: Vec<TestPoseMessage>,
-    /// What must be looked at, of the fit and of what is commanded.
-    pub conditions: Vec<Condition>,
-}
-
-impl ReadingsRunMessage {
-    /// The record as JSON.
-    pub fn json(&self) -> serde_json::Result<Value> {
-        let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
-        let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
-        let mut truth = serde_json::to_value(&self.truth)?;
-        truth["unknowns"] = unknowns.collect();
-        Ok(json!({
-            "name": self.name,
-            "plan": self.plan,
-            "measurements": readings_json(&self.readings),
-            "truth": truth,
-            "identification": self.identification,
-            "test_poses": self.test_poses,
-        }))
-    }
 }
 
 impl AbsolutePlanMessage {

@@ -10,15 +10,14 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::length::LengthField;
-use crate::calibration::{Calibration, CompensatedPose};
+use crate::calibration::CompensatedPose;
 use crate::files::schema::RESULTS_VERSION;
-use crate::identification::{IdentificationMessage, MeasurementResidual};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::robot::{Approach, Commands, Load};
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Belief};
+use crate::task::AccuracyKind;
 use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
@@ -313,6 +312,18 @@ pub struct TruthMessage {
     pub sampled: Vec<SampledValue>,
     /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
     pub deflections_mm: Vec<[f64; 3]>,
+    /// The quantities that absolute readings identified, in their order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unknowns: Option<Vec<TrueUnknownMessage>>,
+}
+
+/// The simulated truth of what was identified.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrueUnknownMessage {
+    /// Its name.
+    pub name: String,
+    /// Its value; null where a run does not say it.
+    pub value: Option<f64>,
 }
 
 impl TruthMessage {
@@ -324,53 +335,7 @@ impl TruthMessage {
             compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
             sampled: truth.sampled.clone(),
             deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
-        }
-    }
-}
-
-/// One calibration from plan to compensated test poses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CalibrationMessage {
-    /// The plan's name.
-    pub name: String,
-    /// The plan.
-    pub plan: Vec<PlanRowMessage>,
-    /// Its measurements.
-    pub measurements: Vec<MeasurementMessage>,
-    /// The simulated truth of the run.
-    pub truth: TruthMessage,
-    /// What was identified from the measurements.
-    pub identification: IdentificationMessage,
-    /// Each measurement's residual, standardised.
-    pub residuals: Vec<MeasurementResidual>,
-    /// What that achieves at each test pose.
-    pub test_poses: Vec<TestPoseMessage>,
-}
-
-impl CalibrationMessage {
-    /// The record of a calibration under the name of its plan.
-    pub fn new(belief: &Belief, name: &str, calibration: &Calibration) -> Self {
-        let (commands, nominal) = (&belief.commands(), &belief.nominal);
-        let measurements = calibration.measurements.iter();
-        let poses = calibration.poses.iter();
-        Self {
-            name: name.to_owned(),
-            plan: plan_messages(commands, &calibration.plan),
-            measurements: measurements
-                .map(|each| MeasurementMessage::new(commands, each))
-                .collect(),
-            truth: TruthMessage::new(
-                (calibration.identification.parameters.iter()).map(|each| each.joint),
-                &calibration.truth,
-            ),
-            identification: IdentificationMessage::new(
-                &calibration.identification,
-                &nominal.compliance_rad_per_nm,
-            ),
-            residuals: calibration.residuals.clone(),
-            test_poses: poses
-                .map(|each| TestPoseMessage::new(commands, each))
-                .collect(),
+            unknowns: None,
         }
     }
 }

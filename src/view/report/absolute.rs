@@ -6,6 +6,7 @@ use super::PlanPage;
 use super::cards::{conditions_card, readings_cards, verdict_card};
 use super::distances::{distances_figure, lines, numbers};
 use super::test_poses::test_poses;
+use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
@@ -99,13 +100,13 @@ fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
 
 /// What was identified, beside the simulated truth.
 fn identified(run: &AbsoluteRun<'_>) -> Value {
-    let found = &run.record.identification;
+    let found = AbsoluteMessage::new(&run.identified.case, &run.identified.fit);
     json!({
         "number": RUN,
         "readings": found.readings,
         "left_out": found.left_out,
         "distance_mm": found.distance_mm,
         "discrepancy_mm": found.discrepancy_mm,
-        "table": tables::unknowns(&run.record),
+        "table": tables::unknowns(&found, &run.record.truth),
     })
 }

@@ -242,9 +242,13 @@ pub(super) fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
         .map(|plan| &plan.record.name);
     let words = " Of the plans beside it, {} keep not all of them.";
     let of_others = naming(violating, words);
-    let found = &outcome.tried[0].record.identification;
-    let values = found.parameters.iter().zip(&found.compliance_rad_per_nm);
-    let unknown = values.filter_map(|(name, value)| value.is_none().then_some(name));
+    let found = outcome.tried[0]
+        .calibration
+        .identification
+        .parameters
+        .iter();
+    let unknown = found.filter(|each| each.estimate.is_none());
+    let unknown = unknown.map(|each| &each.name);
     let unknown = naming(unknown, "the plan does not determine the compliance of {}");
     let (tone, answer, determined) = match (&*unknown, &*of_others) {
         ("", "") => ("good", "all hold", ALL_DETERMINED),

@@ -21,12 +21,12 @@ use serde_json::{Value, json};
 use super::card::Card;
 use super::markup::{PageError, Templates};
 use super::tables;
+use crate::calibration::Calibration;
 use crate::codes::Condition;
-use crate::identification::{MeasurementResidual, ParameterGroup};
+use crate::identification::{IdentificationMessage, MeasurementResidual, ParameterGroup};
+use crate::measurement::Measurement;
 use crate::plan::UncertaintyBudget;
-use crate::record::messages::{
-    CalibrationMessage, MeasurementMessage, PlanRowMessage, ProvenanceMessage,
-};
+use crate::record::messages::{PlanRowMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::text::wording::{joined, micrometres, shell_path};
 use crate::workflow::run::RunOutcome;
@@ -93,10 +93,10 @@ impl PlanPage<'_> {
 /// See [`PageError`].
 pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PageError> {
     let (scenario, evidence, own) = (shown.scenario, &outcome.evidence, &outcome.tried[0]);
-    let (calibration, assessment) = (&own.record, &own.assessment);
+    let (record, assessment) = (&own.record, &own.assessment);
     let mut cards = run_cards(scenario, outcome, own);
     cards.push(checks_card(shown, outcome));
-    let poses = &calibration.test_poses;
+    let poses = &record.test_poses;
     let rho0_mm = assessment.rho0_m.map(|value| value * 1e3);
     let test_poses = (poses.len() > 1).then(|| {
         let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
@@ -104,25 +104,27 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
         test_poses(&scenario.task.test_poses, &predicted_mm, rho0_mm, observed)
     });
     let budget = assessment.uncertainty_budget.as_ref();
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), &calibration.plan);
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), &record.plan);
     // Random plans come last.
     let lines = lines(&evidence.study, |place, _| {
         place + 1 == evidence.study.len()
     });
     let belief = &scenario.task.belief;
     let unit = belief.compliance_unit("1e-6");
+    let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;
+    let found = IdentificationMessage::new(&own.calibration.identification, nominal_rad_per_nm);
     let shown = json!({
         "page": page,
         "experiments": assessment.experiments,
         "rho0_mm": rho0_mm,
         "evidence": evidence,
-        "calibration": calibration,
+        "calibration": record,
         "distances": { "figure": distances_figure(&lines), "table": numbers(&lines) },
         "compliances": {
-            "figure": compliances_figure(calibration),
-            "table": tables::compliances(calibration, &unit),
+            "figure": compliances_figure(&found, &record.truth),
+            "table": tables::compliances(&found, &record.truth, &unit),
         },
-        "residuals": residuals_figure(&standardised(calibration)),
+        "residuals": residuals_figure(&standardised(&own.calibration)),
         "both_sigmas": belief.instrument.both_sigmas(|value| micrometres(Some(value * 1e3))),
         "plans": tables::tried(&outcome.tried),
         "accuracy": accuracy_figure(evidence, assessment.experiments),
@@ -132,9 +134,9 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
 }
 
 /// Of each measurement the residual's coordinates over their standard deviations, and along a gauge.
-fn standardised(calibration: &CalibrationMessage) -> Vec<[Option<f64>; 4]> {
+fn standardised(calibration: &Calibration) -> Vec<[Option<f64>; 4]> {
     let residuals = calibration.residuals.iter().zip(&calibration.measurements);
-    let each = |(residual, measured): (&MeasurementResidual, &MeasurementMessage)| {
+    let each = |(residual, measured): (&MeasurementResidual, &Measurement)| {
         let value = |row: usize| residual.standardised.get(row).copied().flatten();
         match measured.direction {
             Some(_) => [None, None, None, value(0)],
