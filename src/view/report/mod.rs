@@ -38,7 +38,7 @@ use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
 pub use cards::{readings_cards, run_cards};
-pub use study::{StudyPageRecord, best_cards, study_page};
+pub use study::{best_cards, study_page};
 
 /// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]
