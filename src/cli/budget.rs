@@ -99,7 +99,7 @@ impl Budget {
             ),
         };
         let accuracy_um = self.accuracy_um;
-        format!("\nFor {accuracy_um} um at the test pose you need {needed}{time}.\n")
+        format!("\nFor rho0 = {accuracy_um} um you need {needed}{time}.\n")
     }
 
     /// Of deflections.

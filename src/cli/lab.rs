@@ -275,10 +275,16 @@ fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>)
         }
         row
     });
-    let (experiment, reads, measurement) = if is_absolute {
-        ("reading", "reads", "absolute reading")
+    let (experiment, reads, count) = if is_absolute {
+        let readings = campaign.stops.iter().map(|stop| stop.experiments.len());
+        let count = counted(readings.sum::<usize>() as u64, "absolute reading");
+        ("reading", "reads", count)
     } else {
-        ("experiment", "readings", "measurement")
+        (
+            "experiment",
+            "readings",
+            counted(measurements.into(), "measurement"),
+        )
     };
     let station = if has_stations { "station | " } else { "" };
     let gauge = if has_gauge {
@@ -299,7 +305,7 @@ fn describe(measurements: u32, campaign: &Campaign, gravity_m_s2: &Vector3<f64>)
     format!(
         "{}\n{} in {}{}, {} of load: {}. {looked}\n",
         table(&header, rows),
-        counted(measurements.into(), measurement),
+        count,
         counted(campaign.stops.len() as u64, "stop"),
         from.unwrap_or_default(),
         counted(campaign.load_changes() as u64, "change"),

@@ -4,6 +4,8 @@
 //! few readings that are wrong by much, all to one side too, hide neither themselves nor others. Readings within five
 //! standard deviations count fully, those beyond not at all.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
 use serde_json::{Value, json};
 use statrs::distribution::FisherSnedecor;
@@ -32,8 +34,8 @@ const OF_A_MEDIAN: f64 = 0.5;
 const LEAST_OF_A_SHAPE: usize = 40;
 /// Each brings a shape nearer to that which the vectors have by more than a half.
 const SHAPINGS: usize = 30;
-/// Fewer squares do not tell where a few that are large are wrong, and where errors are large.
-const LEAST_SQUARES: usize = 100;
+/// Fewer poses do not tell where a few squares that are large are wrong, and where errors are large.
+const LEAST_POSES: usize = 100;
 /// So often readings are looked at to find out where it is.
 const LOOKS: usize = 4;
 /// A residual whose variance is a smaller share of its reading's says nothing: the fit goes through that reading (leverage one), and
@@ -274,7 +276,7 @@ impl LookedOver<'_> {
 }
 
 /// By how much larger squares, over their medians, are where each reading is than on the whole, at least one: as those say that do not
-/// lie far out there.
+/// lie far out there. Readings of one pose err alike, and say it once.
 fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
     let mut factors = vec![1.0; squares.len()];
     let commands = angles.first().map_or(0, |each| each.len());
@@ -284,10 +286,18 @@ fn local_factors(squares: &[f64], angles: &[&[f64]], far: &[f64]) -> Vec<f64> {
     for _ in 0..LOOKS {
         let kept = (0..squares.len()).filter(|&each| squares[each] <= far[each] * factors[each]);
         let kept: Vec<usize> = kept.collect();
-        let own: Vec<f64> = kept.iter().map(|&each| squares[each]).collect();
-        let places: Vec<&[f64]> = kept.iter().map(|&each| angles[each]).collect();
-        let spread = (kept.len() >= LEAST_SQUARES)
-            .then(|| ErrorSpread::of_logarithms(&own, &places, &ranges));
+        let mut poses: BTreeMap<Vec<u64>, Vec<usize>> = BTreeMap::new();
+        for &each in &kept {
+            let pose = angles[each].iter().map(|angle| angle.to_bits()).collect();
+            poses.entry(pose).or_default().push(each);
+        }
+        let mean = |own: &Vec<usize>| {
+            own.iter().map(|&each| squares[each]).sum::<f64>() / own.len() as f64
+        };
+        let means: Vec<f64> = poses.values().map(mean).collect();
+        let places: Vec<&[f64]> = poses.values().map(|own| angles[own[0]]).collect();
+        let spread = (poses.len() >= LEAST_POSES)
+            .then(|| ErrorSpread::of_logarithms(&means, &places, &ranges));
         let Some(spread) = spread.flatten() else {
             break;
         };

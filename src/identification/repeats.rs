@@ -5,9 +5,10 @@
 //! that of a normal x. Drift is the common slope b of x - m over t - mean(t), t the visit's place in the file or its time, by least
 //! squares; T^2 = b^T cov(b)^-1 b has Hotelling's distribution where there is none.
 //!
-//! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns.
+//! All of it has the instrument's noise in it. Readings of one visit are averaged first: they say nothing of how a robot returns. What several
+//! targets, or loads hung in place, show of one visit tells its drift once.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
@@ -26,6 +27,8 @@ const COORDINATES: f64 = 3.0;
 /// One visit: where something was read, and when.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct RepeatedVisit {
+    /// The visit's number.
+    number: usize,
     /// The place, or the reading less its prediction (m).
     place_m: Vector3<f64>,
     /// When: rows, or hours.
@@ -86,6 +89,7 @@ impl Repeats {
         }
         let own: Vec<Measurement> = kept.iter().map(|&row| measurements[row].clone()).collect();
         let visit = |place: usize| RepeatedVisit {
+            number: place,
             place_m: own[place].deflection_m,
             at: kept[place] as f64,
         };
@@ -94,12 +98,12 @@ impl Repeats {
         Self::new(poses, false, "row")
     }
 
-    /// Of absolute readings, some of which are kept, by what they are less their predictions (m). Rows of one visit are together; each
-    /// row is one where no column says it.
+    /// Of absolute readings, some of which are kept, by what they are less their predictions (m), with the rows of each visit.
     pub fn of_readings(
         readings: &[AbsoluteReading],
         residuals_m: &[Vector3<f64>],
         kept: &[usize],
+        visits: &[Vec<usize>],
     ) -> Option<Self> {
         let read = |place: usize| &readings[kept[place]];
         let is_alike = |one: usize, other: usize| {
@@ -107,13 +111,19 @@ impl Repeats {
             (one.load, &one.target, &one.station) == (other.load, &other.target, &other.station)
         };
         let is_by_hour = readings.iter().all(|reading| reading.time_s.is_some());
+        let mut number_of = vec![0; readings.len()];
+        for (number, rows) in visits.iter().enumerate() {
+            for &row in rows {
+                number_of[row] = number;
+            }
+        }
         let pose = |group: Vec<usize>| {
-            let mut visits: BTreeMap<Result<&str, usize>, Vec<RepeatedVisit>> = BTreeMap::new();
+            let mut visits: BTreeMap<usize, Vec<RepeatedVisit>> = BTreeMap::new();
             for row in group.iter().map(|&place| kept[place]) {
-                let reading = &readings[row];
-                let time_s = reading.time_s.filter(|_| is_by_hour);
-                let visit = visits.entry(reading.visit.as_deref().ok_or(row));
-                visit.or_default().push(RepeatedVisit {
+                let time_s = readings[row].time_s.filter(|_| is_by_hour);
+                let number = number_of[row];
+                visits.entry(number).or_default().push(RepeatedVisit {
+                    number,
                     place_m: residuals_m[row],
                     at: time_s.map_or(row as f64, |time_s| time_s / 3600.0),
                 });
@@ -132,19 +142,28 @@ impl Repeats {
         by: &'static str,
     ) -> Option<Self> {
         let repeated: Vec<_> = poses.filter(|(_, visits)| visits.len() > 1).collect();
-        let freedom: usize = repeated.iter().map(|(_, visits)| visits.len() - 1).sum();
-        if freedom == 0 {
+        let count: usize = repeated.iter().map(|(_, visits)| visits.len() - 1).sum();
+        if count == 0 {
             return None;
         }
-        let visits = repeated.iter().flat_map(|(_, visits)| from_mean(visits));
-        let apart: Vec<RepeatedVisit> = visits.collect();
-        let squares = (apart.iter()).map(|each| each.place_m * each.place_m.transpose());
-        let scatter: Matrix3<f64> = squares.sum();
-        let pooled = (scatter / freedom as f64).resize(3, 3, 0.0);
+        let mut of_visits: BTreeMap<usize, Vec<RepeatedVisit>> = BTreeMap::new();
+        let mut means = BTreeSet::new();
+        let mut scatter = Matrix3::zeros();
+        for (_, visits) in &repeated {
+            means.insert(visits.iter().map(|each| each.number).collect::<Vec<_>>());
+            for each in from_mean(visits) {
+                scatter += each.place_m * each.place_m.transpose();
+                of_visits.entry(each.number).or_default().push(each);
+            }
+        }
+        let pooled = (scatter / count as f64).resize(3, 3, 0.0);
+        let apart: Vec<RepeatedVisit> = of_visits.values().map(|each| mean(each)).collect();
+        // What several show of the same visits is from one mean.
+        let freedom = apart.len().saturating_sub(means.len());
         Some(Self {
             repeatability_m: pose_repeatability(&pooled)?,
             degrees_of_freedom: freedom,
-            drift: drift(&apart, &scatter, freedom, by),
+            drift: drift(&apart, freedom, by),
             poses: (repeated.into_iter())
                 .map(|(first, visits)| RepeatedPose {
                     first,
@@ -160,6 +179,7 @@ impl Repeats {
 fn mean(visits: &[RepeatedVisit]) -> RepeatedVisit {
     let share = (visits.len() as f64).recip();
     RepeatedVisit {
+        number: visits[0].number,
         place_m: visits.iter().map(|each| each.place_m).sum::<Vector3<f64>>() * share,
         at: visits.iter().map(|each| each.at).sum::<f64>() * share,
     }
@@ -168,6 +188,7 @@ fn mean(visits: &[RepeatedVisit]) -> RepeatedVisit {
 fn from_mean(visits: &[RepeatedVisit]) -> impl Iterator<Item = RepeatedVisit> {
     let mean = mean(visits);
     visits.iter().map(move |each| RepeatedVisit {
+        number: each.number,
         place_m: each.place_m - mean.place_m,
         at: each.at - mean.at,
     })
@@ -184,13 +205,8 @@ fn repeatability_m(visits: &[RepeatedVisit]) -> Option<f64> {
     Some(mean + 3.0 * (squares / (count - 1.0)).sqrt())
 }
 
-/// The drift of visits, each from the mean of its pose, that scatter by so much (m^2).
-fn drift(
-    apart: &[RepeatedVisit],
-    scatter: &Matrix3<f64>,
-    freedom: usize,
-    by: &'static str,
-) -> Option<PlaceDrift> {
+/// The drift of visits, each from the mean of its pose, with so many degrees of freedom in each coordinate.
+fn drift(apart: &[RepeatedVisit], freedom: usize, by: &'static str) -> Option<PlaceDrift> {
     let spread: f64 = apart.iter().map(|each| each.at * each.at).sum();
     if spread <= 0.0 || freedom < 2 {
         return None;
@@ -199,6 +215,8 @@ fn drift(
         .map(|each| each.place_m * each.at)
         .sum::<Vector3<f64>>()
         / spread;
+    let squares = (apart.iter()).map(|each| each.place_m * each.place_m.transpose());
+    let scatter: Matrix3<f64> = squares.sum();
     let freedom = freedom as f64 - 1.0;
     let covariance = (scatter - slope_m * slope_m.transpose() * spread) / (freedom * spread);
     Some(PlaceDrift {

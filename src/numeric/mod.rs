@@ -9,6 +9,7 @@
 //!   (eqs. 11 to 13, 20).
 //! - [`quantile`]: what is exceeded with a probability.
 //! - [`tolerance`]: the length that a share of errors stays below, and medians.
+//! - [`likelihood`]: the likeliest values between limits, and intervals by profiles.
 //! - [`quantisation`]: what errors of rounding to steps have in common.
 //! - [`markov`]: processes along a coordinate that forget, of two kinds.
 
@@ -16,6 +17,7 @@ pub mod correlated;
 pub mod estimable;
 pub mod factorisation;
 pub mod least_squares;
+pub mod likelihood;
 pub mod markov;
 pub mod posterior;
 pub mod quantile;

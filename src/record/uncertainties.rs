@@ -148,9 +148,10 @@ pub fn uncertainty_tables(
                 1e3 * OF_A_DIFFERENCE,
                 if slides(each.joint) { "mm" } else { "mrad" },
             );
-            let interval = found.and_then(|(_, known)| said(known.repeatabilities[place], unit));
+            let interval = found.and_then(|(_, known)| known.repeatabilities[place]);
+            let most = interval.map_or(0.0, |[_, high]| high * unit.0);
             let table = returned(&[each.joint], each.repeatability_rad * 1e3);
-            tables.add(table, 0.0, &interval.unwrap_or_default());
+            tables.add(table, most, &said(interval, unit).unwrap_or_default());
         }
     }
     if let Some((found, known)) = found {
@@ -161,8 +162,13 @@ pub fn uncertainty_tables(
             std_mm: Some(rounded(found.rest[0] * 1e3)),
             ..ComponentMessage::default()
         };
-        let interval = said(known.rest_of_positions, (1e3, "mm"));
-        tables.add(remainder, 0.0, &interval.unwrap_or_default());
+        let interval = known.rest_of_positions;
+        let most = interval.map_or(0.0, |[_, high]| high * 1e3);
+        tables.add(
+            remainder,
+            most,
+            &said(interval, (1e3, "mm")).unwrap_or_default(),
+        );
     }
     for each in of_visits {
         let (sliding, turning): (Vec<usize>, Vec<usize>) =

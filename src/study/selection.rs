@@ -357,7 +357,7 @@ impl Chooser<'_> {
                     let design = found.as_mut().ok()?;
                     let own = [design.plan.clone()];
                     let from = if is_thorough { &own[..] } else { &offered };
-                    let (plan, cost) = problem.bettered(from, effort, design.cost)?;
+                    let (plan, cost) = problem.bettered(from, effort, design.cost, |_| true)?;
                     design.plan.clone_from(&plan);
                     design.cost = cost;
                     Some(plan)

@@ -256,7 +256,7 @@ pub fn identify_absolute<'a>(
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {
         repeat_components: case.repeat_components(&fit),
-        repeats: Repeats::of_readings(readings, &residuals_m, &repeated),
+        repeats: Repeats::of_readings(readings, &residuals_m, &repeated, &case.visits),
         patterns: looked.patterns(&fit.rejected),
         drifts: beside.map(|beside| beside.drifts(&fit.rejected)),
         inconsistencies: halves.into_iter().collect(),

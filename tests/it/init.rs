@@ -175,7 +175,7 @@ fn the_tip_chooses_among_arms() {
             );
         }
         format!(
-            "<body pos=\"0 {y} 1\">{bodies}<site name=\"{side}_tool\" pos=\"0.3 0.05 0\"/>{}</body>",
+            "<body pos=\"0 {y} 1\">{bodies}<site name=\"{side}_tool\" pos=\"0.3 0.05 0\"/><site name=\"{side}_probe\" pos=\"0.3 0 0.06\"/>{}</body>",
             "</body>".repeat(3)
         )
     };
@@ -194,10 +194,11 @@ fn the_tip_chooses_among_arms() {
     );
     let place = Workplace::new();
     place.write("two.xml", model);
-    for (tip, side) in [
-        ("", "left"),
-        ("--tip right_tool", "right"),
-        ("--tip right_3", "right"),
+    for (tip, side, site) in [
+        ("", "left", "left_tool"),
+        ("--tip right_tool", "right", "right_tool"),
+        ("--tip right_probe", "right", "right_probe"),
+        ("--tip right_3", "right", "right_tool"),
     ] {
         let outcome = place.run(&format!(
             "init two.xml --scenario-out {side}{}.toml --json {tip}",
@@ -208,6 +209,9 @@ fn the_tip_chooses_among_arms() {
             joints(&json).iter().all(|name| name.starts_with(side)),
             "{json}"
         );
+        let scenario = place.read(&format!("{side}{}.toml", tip.len()));
+        let wanted = format!("calibration_site = \"{site}\"");
+        assert!(scenario.contains(&wanted), "{tip}: {scenario}");
     }
     let outcome = place
         .run("init two.xml --scenario-out no.toml --tip nothing")

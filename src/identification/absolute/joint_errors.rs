@@ -106,6 +106,8 @@ pub struct DiscrepancyModel {
     /// predicted by a fit to the others: of positions and of rotations, where joints do not say that they are larger or smaller. Regions are
     /// larger by the root.
     pub scale: [f64; 2],
+    /// By how much larger than computed they are in the mean.
+    pub mean_scale: [f64; 2],
 }
 
 /// The error of a place that an identified arm predicts.
@@ -157,6 +159,7 @@ impl DiscrepancyModel {
             covariance,
             rest,
             scale: [1.0; 2],
+            mean_scale: [1.0; 2],
         }
     }
 
@@ -263,10 +266,9 @@ impl DiscrepancyModel {
         &local.matrix * among * local.matrix.transpose()
     }
 
-    /// By how much larger than computed squares of errors of positions (0) or rotations (1) are at commanded angles.
-    pub(super) fn scale_at(&self, part: usize, q: &[f64]) -> f64 {
-        let angles = self.joints.iter().map(|each| each.angle(q));
-        self.scale[part] * self.relative_at(part, angles)
+    /// By how much larger than on the whole squares of errors of positions (0) or rotations (1) are at commanded angles.
+    fn relative_to_whole(&self, part: usize, q: &[f64]) -> f64 {
+        self.relative_at(part, self.joints.iter().map(|each| each.angle(q)))
     }
 
     /// The same but for how large they are on the whole, at the angles of these joints.
@@ -288,7 +290,7 @@ impl DiscrepancyModel {
     ) -> ReadingPrognosis {
         let is_within = [0, 1].map(|part| {
             let square = region_square(residual, covariance, 3 * part)?;
-            Some(square <= SQUARE_95 * self.scale_at(part, q))
+            Some(square <= SQUARE_95 * self.scale[part] * self.relative_to_whole(part, q))
         });
         ReadingPrognosis {
             left: ReadingResidual::of_rows(residual),
@@ -331,12 +333,7 @@ impl DiscrepancyModel {
         });
         let between: f64 = between.sum();
         let known = self.by_what_is_known(&local).trace() + between;
-        // Without joints' errors the scale is of regions alone.
-        let scale = if joints.is_empty() {
-            1.0
-        } else {
-            self.scale_at(0, q)
-        };
+        let scale = self.mean_scale[0] * self.relative_to_whole(0, q);
         Ok(PlaceError {
             rows: rows.columns,
             identified_m2: scale * known,

@@ -8,27 +8,29 @@
 //! ```
 //!
 //! of the readings' own covariance R, the instrument's with what the planner's model lists as new in each reading, which may be s times as
-//! large as stated (contrasts within visits have s R alone), and of the joints' returns v_j with the derivatives J_j by their angles. The variances maximise the likelihood of all contrasts by the minorisation of
-//! [`mixed`](super::mixed). With the expected information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
+//! large as stated (contrasts within visits have s R alone), and of the joints' returns v_j with the derivatives J_j by their angles. The
+//! variances are the [likeliest](crate::numeric::likelihood) of all contrasts, their intervals those of its profile. With the expected
+//! information I, the effective degrees of freedom of a variance are 2 v^2 (I / var v).
 
 use std::collections::BTreeMap;
 use std::iter;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::Serialize;
-use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::mixed::in_blocks;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, AbsoluteFit};
 use crate::experiment::together;
-use crate::numeric::quantile::TWO_SIDED_95;
+use crate::numeric::factorisation::inverse_of;
+use crate::numeric::likelihood::{Likeliest, Likelihood, LimitedLikelihood};
 use crate::numeric::tolerance::pose_repeatability;
 use crate::quantities::written::from_one;
+use crate::robot::Joint;
 
-/// Improvements of the variances, and the change of a deviation that ends them.
-const ROUNDS: usize = 500;
-const FOUND: f64 = 1e-5;
+/// What a variance is at least (m^2, rad^2) where it is looked for, and the share of a plain estimate that is nothing.
+const LEAST: f64 = 1e-24;
+const NOTHING: f64 = 1e-8;
 /// So many numbers at least for each variance, else all joints have one.
 const NUMBERS_PER_VARIANCE: f64 = 4.0;
 /// A joint that moves what is read by less than this share of what another does is not shown: its axis goes through the target.
@@ -128,36 +130,33 @@ impl AbsoluteCase<'_> {
             contrasts,
             is_reading_estimated: within > 0,
         };
-        let (classes, variances) = all.components(joints.len())?;
-        let (_, information) = all.improved(&classes, &variances)?;
-        let errors = Cholesky::new(information)?.inverse();
-        let alone = all.degrees_alone(&classes);
+        let (classes, best) = all.components(joints.len())?;
+        let errors = inverse_of(&Cholesky::new(all.information(&best))?);
+        let likelihood = all.likelihood(&classes);
+        // A deviation, which is nothing at its lower limit.
+        let deviation = |place: usize, at: f64| {
+            let nothing = likelihood.limits[0][place];
+            if at > nothing { (0.5 * at).exp() } else { 0.0 }
+        };
         let chain = &self.arm.chain.joints;
         let component = |level, joints: Vec<usize>, place: usize| {
-            let slides = joints.iter().filter(|&&joint| chain[joint].drive.slides);
-            let (unit, factor) = match (level, slides.count()) {
-                ("reading", _) => ("1", 1.0),
-                (_, 0) => ("mrad", 1e3),
-                (_, all) if all == joints.len() => ("mm", 1e3),
-                _ => ("mrad, mm", 1e3),
-            };
+            let interval95 = likelihood.interval95(&best, place)?;
+            let (unit, factor) = unit_of(&joints, chain);
             let own = joints.iter().map(|&joint| chain[joint].name.clone());
-            let variance = variances[place];
-            let degrees_of_freedom = 2.0 * variance * variance / errors[(place, place)];
-            let interval95 = interval95(variance, errors[(place, place)], alone[place]);
-            RepeatComponent {
+            let std = deviation(place, best.at[place]);
+            Some(RepeatComponent {
                 level,
                 names: own.collect(),
                 joints,
                 unit,
-                standard_uncertainty: variance.sqrt() * factor,
-                interval95: interval95.map(|end| end * factor),
-                degrees_of_freedom,
-            }
+                standard_uncertainty: std * factor,
+                interval95: interval95.map(|end| deviation(place, end) * factor),
+                degrees_of_freedom: 2.0 * std.powi(4) / errors[(place, place)],
+            })
         };
         let (mut components, mut not_separated) = (Vec::new(), Vec::new());
         if within > 0 {
-            components.push(component("reading", Vec::new(), 0));
+            components.push(component("reading", Vec::new(), 0)?);
         } else {
             let words = "reading from visit: standard deviations of readings are taken as exact; two readings of a target in one visit \
                          would tell";
@@ -165,7 +164,7 @@ impl AbsoluteCase<'_> {
         }
         for (class, own) in classes.iter().enumerate() {
             let own = own.iter().map(|&joint| joints[joint]).collect();
-            let found = component("visit", own, 1 + class);
+            let found = component("visit", own, 1 + class)?;
             if found.names.len() > 1 {
                 let names = found.names.join(", ");
                 let told = "repeats at poses where they move the target otherwise, or more repeats, would tell";
@@ -186,7 +185,8 @@ impl AbsoluteCase<'_> {
             for (class, own) in classes.iter().enumerate() {
                 for &joint in own {
                     let column = moved.column(joint);
-                    covariance += column * column.transpose() * variances[1 + class];
+                    let std = deviation(1 + class, best.at[1 + class]);
+                    covariance += column * column.transpose() * (std * std);
                 }
             }
             Some(PoseReturn {
@@ -199,6 +199,17 @@ impl AbsoluteCase<'_> {
             poses: poses.into_iter().filter_map(pose).collect(),
             not_separated,
         })
+    }
+}
+
+/// The unit of what joints have in common, or of readings, which are none, and how many of it make one of SI.
+fn unit_of(joints: &[usize], chain: &[Joint]) -> (&'static str, f64) {
+    let slides = joints.iter().filter(|&&joint| chain[joint].drive.slides);
+    match (joints.len(), slides.count()) {
+        (0, _) => ("1", 1.0),
+        (_, 0) => ("mrad", 1e3),
+        (all, slides) if slides == all => ("mm", 1e3),
+        _ => ("mrad, mm", 1e3),
     }
 }
 
@@ -264,8 +275,8 @@ struct AllContrasts {
 }
 
 impl AllContrasts {
-    /// Which joints have a variance in common; that of the readings, then those of these classes.
-    fn components(&self, joints: usize) -> Option<(Vec<Vec<usize>>, Vec<f64>)> {
+    /// Which joints have a variance in common; the likeliest logarithms of that of the readings, then of those of these classes.
+    fn components(&self, joints: usize) -> Option<(Vec<Vec<usize>>, Likeliest)> {
         let contrasts = self.contrasts.iter();
         let moved = |joint: usize| {
             let columns = contrasts.clone().map(|each| each.joints.column(joint));
@@ -283,9 +294,9 @@ impl AllContrasts {
             moving.into_iter().map(|joint| vec![joint]).collect()
         };
         loop {
-            let variances = self.likeliest(&classes)?;
-            let (_, information) = self.improved(&classes, &variances)?;
-            let inverse = Cholesky::new(information.clone()).map(|factor| factor.inverse());
+            let best = self.likelihood(&classes).likeliest(self.start(&classes))?;
+            let information = self.information(&best);
+            let inverse = Cholesky::new(information.clone()).map(|factor| inverse_of(&factor));
             let is_inflated = |place: &usize| {
                 let own = information[(*place, *place)];
                 let inverse = inverse.as_ref();
@@ -295,14 +306,14 @@ impl AllContrasts {
                 let size = information[(one, one)] * information[(other, other)];
                 information[(one, other)] / size.sqrt()
             };
-            let all = 1..variances.len();
+            let all = 1..best.at.len();
             // The two that are told apart worst become one.
             let pairs = (all.clone().filter(is_inflated))
                 .flat_map(|one| all.clone().map(move |other| (one, other)))
                 .filter(|(one, other)| one != other);
             let worst = pairs.max_by(|one, other| alike(one).total_cmp(&alike(other)));
             let Some((one, other)) = worst else {
-                return Some((classes, variances));
+                return Some((classes, best));
             };
             let joined = classes.remove(one.max(other) - 1);
             let class = &mut classes[one.min(other) - 1];
@@ -311,104 +322,87 @@ impl AllContrasts {
         }
     }
 
-    /// The likeliest variances: from half of what contrasts scatter on.
-    fn likeliest(&self, classes: &[Vec<usize>]) -> Option<Vec<f64>> {
+    /// The information of variances, not of logarithms: of that a variance which is next to nothing has none.
+    fn information(&self, best: &Likeliest) -> DMatrix<f64> {
+        let mut information = best.found.curvature.clone();
+        let variances = best.at.map(f64::exp);
+        for (row, one) in variances.iter().enumerate() {
+            for (column, other) in variances.iter().enumerate() {
+                information[(row, column)] /= one * other;
+            }
+        }
+        if !self.is_reading_estimated {
+            information.row_mut(0).fill(0.0);
+            information.column_mut(0).fill(0.0);
+            information[(0, 0)] = 1.0;
+        }
+        information
+    }
+
+    /// The likelihood of the logarithms of variances, within limits.
+    fn likelihood<'a>(
+        &'a self,
+        classes: &'a [Vec<usize>],
+    ) -> LimitedLikelihood<impl Fn(&DVector<f64>) -> Option<Likelihood> + 'a> {
+        let start = self.start(classes);
+        let limits = [NOTHING, 1.0 / NOTHING].map(|factor| {
+            let mut limit = start.add_scalar(f64::ln(factor));
+            if !self.is_reading_estimated {
+                limit[0] = 0.0;
+            }
+            limit
+        });
+        LimitedLikelihood {
+            of: |at: &DVector<f64>| self.told(classes, at),
+            limits,
+        }
+    }
+
+    /// The logarithms of half of what contrasts scatter.
+    fn start(&self, classes: &[Vec<usize>]) -> DVector<f64> {
         let (mut square, mut moved) = (0.0, 0.0);
         for each in &self.contrasts {
             square += each.scatter.trace();
             moved += each.count * each.joints.norm_squared();
         }
         let returns = 0.5 * square / f64::max(moved, f64::MIN_POSITIVE);
-        let mut variances = vec![returns; 1 + classes.len()];
-        variances[0] = 1.0;
-        for _ in 0..ROUNDS {
-            let (next, _) = self.improved(classes, &variances)?;
-            let change = next.iter().zip(&variances).map(|(next, before)| {
-                (next.sqrt() - before.sqrt()).abs() / before.sqrt().max(f64::MIN_POSITIVE)
-            });
-            let change = change.fold(0.0, f64::max);
-            variances = next;
-            if change < FOUND {
-                break;
-            }
-        }
-        Some(variances)
+        let mut start = DVector::from_element(1 + classes.len(), returns.max(LEAST).ln());
+        start[0] = 0.0;
+        start
     }
 
-    /// Likelier variances, and the expected information of those that were given.
-    fn improved(
-        &self,
-        classes: &[Vec<usize>],
-        variances: &[f64],
-    ) -> Option<(Vec<f64>, DMatrix<f64>)> {
-        let count = variances.len();
-        let mut sums = vec![[0.0; 2]; count];
-        let mut information = DMatrix::zeros(count, count);
+    /// The likelihood of these logarithms of variances, with the expected information.
+    fn told(&self, classes: &[Vec<usize>], at: &DVector<f64>) -> Option<Likelihood> {
+        let variances = at.map(f64::exp);
+        let mut told = Likelihood {
+            logarithm: 0.0,
+            gradient: DVector::zeros(at.len()),
+            curvature: DMatrix::zeros(at.len(), at.len()),
+        };
         for each in &self.contrasts {
-            // How each variance moves the covariance of a contrast.
+            // How the covariance of a contrast grows with each logarithm.
             let returns = classes.iter().map(|class| {
                 let moved = each.joints.select_columns(class);
                 &moved * moved.transpose()
             });
-            let parts: Vec<DMatrix<f64>> = iter::once(each.own.clone()).chain(returns).collect();
-            let all = parts.iter().zip(variances);
-            let covariance: DMatrix<f64> = all.map(|(part, variance)| part * *variance).sum();
-            let weight = Cholesky::new(covariance)?.inverse();
+            let parts = iter::once(each.own.clone()).chain(returns);
+            let parts = parts
+                .zip(&variances)
+                .map(|(part, variance)| part * *variance);
+            let parts: Vec<DMatrix<f64>> = parts.collect();
+            let factor = Cholesky::new(parts.iter().sum())?;
+            let weight = inverse_of(&factor);
             let weighed: Vec<DMatrix<f64>> = parts.iter().map(|part| &weight * part).collect();
             let scatter = &weight * &each.scatter;
+            let roots = factor.l_dirty().diagonal();
+            told.logarithm -= each.count * roots.map(f64::ln).sum() + 0.5 * scatter.trace();
             for (row, one) in weighed.iter().enumerate() {
-                sums[row][0] += (one * &scatter).trace();
-                sums[row][1] += each.count * one.trace();
+                told.gradient[row] += 0.5 * ((one * &scatter).trace() - each.count * one.trace());
                 for (column, other) in weighed.iter().enumerate() {
-                    information[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
+                    told.curvature[(row, column)] += 0.5 * each.count * one.dot(&other.transpose());
                 }
             }
         }
-        let improved = variances.iter().zip(&sums);
-        let improved = improved.map(|(variance, [square, expected])| {
-            variance * (square / f64::max(*expected, f64::MIN_POSITIVE)).sqrt()
-        });
-        let mut improved: Vec<f64> = improved.collect();
-        if !self.is_reading_estimated {
-            improved[0] = 1.0;
-            information.row_mut(0).fill(0.0);
-            information.column_mut(0).fill(0.0);
-            information[(0, 0)] = 1.0;
-        }
-        Some((improved, information))
+        Some(told)
     }
-
-    /// The degrees of freedom of each variance if there were no other: of the readings', then of these classes.
-    fn degrees_alone(&self, classes: &[Vec<usize>]) -> Vec<f64> {
-        let sum = |rows: &dyn Fn(&Contrasts) -> usize| {
-            let contrasts = self.contrasts.iter();
-            contrasts.map(|each| each.count * rows(each) as f64).sum()
-        };
-        let of_class = |class: &Vec<usize>| {
-            sum(&|each| {
-                let is_moved = |joint: &&usize| each.joints.column(**joint).amax() > 0.0;
-                class.iter().filter(is_moved).count().min(each.own.nrows())
-            })
-        };
-        let of_readings = sum(&|each| each.own.nrows());
-        iter::once(of_readings)
-            .chain(classes.iter().map(of_class))
-            .collect()
-    }
-}
-
-/// The interval of 95 % of a standard deviation, by its square v, the variance of that, and the degrees of freedom that v would have if there
-/// were nothing else: chi-square then, and normal in what else it is told from (modified large samples, Graybill and Wang 1980).
-fn interval95(variance: f64, spread: f64, alone: f64) -> [f64; 2] {
-    let beside = TWO_SIDED_95.powi(2) * (spread - 2.0 * variance * variance / alone).max(0.0);
-    let law = ChiSquared::new(alone);
-    let own = |share: f64| {
-        let factor = (law.as_ref()).map_or(f64::INFINITY, |law| alone / law.inverse_cdf(share));
-        variance * (factor - 1.0)
-    };
-    let [below, above] = [0.975, 0.025].map(|share| (own(share).powi(2) + beside).sqrt());
-    [
-        (variance - below).max(0.0).sqrt(),
-        (variance + above).sqrt(),
-    ]
 }

@@ -152,9 +152,12 @@ pub struct UnexplainedMessage {
     pub remainder_mm: f64,
     /// The same of rotations (mrad).
     pub remainder_mrad: f64,
-    /// By how much larger the squares of errors of positions and rotations are than computed, where each visit of the robot
-    /// was predicted by the others.
+    /// By how much larger the squares of errors of positions and rotations are than computed, where each pose was
+    /// predicted by the others: what 95 % stay below.
     pub scale: [f64; 2],
+    /// The same in the mean; 1 in older files.
+    #[serde(default = "as_computed")]
+    pub mean_scale: [f64; 2],
     /// The shares of positions and of rotations that lay in their regions of 95 % then, before these were scaled.
     pub predicted_by_others: [Option<f64>; 2],
     /// Stands of the robot.
@@ -283,6 +286,10 @@ impl AbsoluteMessage {
     }
 }
 
+const fn as_computed() -> [f64; 2] {
+    [1.0; 2]
+}
+
 impl UnexplainedMessage {
     /// Whether it can belong to so many unknowns; joints are looked at beside a robot.
     fn validate(&self, path: &Path, unknowns: usize) -> Result<(), FileError> {
@@ -294,9 +301,11 @@ impl UnexplainedMessage {
             let problem = format!("found {count} numbers; there are {unknowns} unknowns");
             return wrong("shift", problem);
         }
-        if let Some(place) = self.scale.iter().position(|&scale| scale <= 0.0) {
-            let problem = format!("found {}; a positive number is needed", self.scale[place]);
-            return wrong(&format!("scale[{place}]"), problem);
+        for (key, scale) in [("scale", &self.scale), ("mean_scale", &self.mean_scale)] {
+            if let Some(place) = scale.iter().position(|&scale| scale <= 0.0) {
+                let problem = format!("found {}; a positive number is needed", scale[place]);
+                return wrong(&format!("{key}[{place}]"), problem);
+            }
         }
         let sizes = [
             ("discrepancy_model.remainder_mm", Some(self.remainder_mm)),
@@ -388,6 +397,7 @@ fn discrepancy_model(
         remainder_mm: model.rest[0] * 1e3,
         remainder_mrad: model.rest[1] * 1e3,
         scale: model.scale,
+        mean_scale: model.mean_scale,
         predicted_by_others: found.predicted_by_others,
         visits: found.visits,
         effective_sample_size: found.effective_sample_size,

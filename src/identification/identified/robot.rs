@@ -315,6 +315,7 @@ impl StoredRobot {
             covariance: relative(&covariance),
             rest: [found.remainder_mm, found.remainder_mrad].map(|size| size * 1e-3),
             scale: found.scale,
+            mean_scale: found.mean_scale,
         })
     }
 }

@@ -205,16 +205,18 @@ pub(super) struct PlanOfRows {
     found: AbsolutePlan,
     /// What it reads, and how often each.
     pub rows: Vec<(Candidate, u32)>,
-    /// Infinite where it does not determine the tool's place.
+    /// Infinite where it does not determine the tool's place, or the frame of a station that it reads from.
     pub rho0_m: f64,
 }
 
 impl PlanOfRows {
     fn new(planning: &AbsolutePlanning<'_>, found: AbsolutePlan) -> Self {
         let rows = planning.readings(&found.plan).into_iter();
+        let rho0_m = planning.prediction(&found.plan).rho0_m();
+        let is_fitted = planning.unplaced_stations(&found.plan).is_empty();
         Self {
             rows: rows.map(|(row, times)| (row.clone(), times)).collect(),
-            rho0_m: (planning.prediction(&found.plan).rho0_m()).unwrap_or(f64::INFINITY),
+            rho0_m: rho0_m.filter(|_| is_fitted).unwrap_or(f64::INFINITY),
             found,
         }
     }

@@ -412,8 +412,11 @@ impl AbsolutePlanning<'_> {
         let from_one = search_there();
         let plans = from_one.iter().map(|design| &design.plan).chain(known);
         let plans: Vec<CandidatePlan> = plans.cloned().collect();
-        let another = found.as_ref().map_or(f64::INFINITY, |found| found.cost);
-        let Some((plan, cost)) = problem.bettered(&plans, effort, another) else {
+        // An identification refuses readings of other stations that are too few to place these.
+        let is_fitted = |plan: &CandidatePlan| self.unplaced_stations(plan).is_empty();
+        let fitted = found.as_ref().ok().filter(|found| is_fitted(&found.plan));
+        let another = fitted.map_or(f64::INFINITY, |found| found.cost);
+        let Some((plan, cost)) = problem.bettered(&plans, effort, another, is_fitted) else {
             return found;
         };
         let searched = from_one.as_ref().or(found.as_ref().ok());

@@ -123,13 +123,14 @@ impl FiniteProblem<'_> {
         })
     }
 
-    /// The best of some plans of as many measurements, as they are and bettered by exchanges, with its cost; none where it is not
-    /// below another cost.
+    /// The best that is allowed of some plans of as many measurements, as they are and bettered by exchanges, with its cost; none where it is
+    /// not below another cost.
     pub fn bettered(
         &self,
         plans: &[CandidatePlan],
         effort: FiniteEffort,
         another: f64,
+        is_allowed: impl Fn(&CandidatePlan) -> bool + Sync,
     ) -> Option<(CandidatePlan, f64)> {
         let floor = self.floor(effort);
         let better = (plans.par_iter())
@@ -140,7 +141,7 @@ impl FiniteProblem<'_> {
                 [plan.clone(), found]
             })
             .filter_map(|plan| {
-                let cost = self.cost_of_plan(&plan)?;
+                let cost = self.cost_of_plan(&plan).filter(|_| is_allowed(&plan))?;
                 (cost < another * (1.0 - GAIN)).then_some((plan, cost))
             });
         let better: Vec<_> = better.collect();

@@ -22,6 +22,8 @@ pub(super) struct FoundArm {
     pub actuators_ignored: Option<String>,
     /// The last body that all its joints move.
     pub last_body: usize,
+    /// The site that was named as its tip.
+    pub tip: Option<String>,
 }
 
 impl FoundArm {
@@ -60,6 +62,9 @@ impl FoundArm {
             .find(|&&body| last.is_some_and(|last| model.joints_of(body).any(|each| each == last)));
         Ok(Self {
             last_body: last_body.copied().unwrap_or_default(),
+            tip: tip
+                .filter(|tip| model.body(tip).is_none())
+                .map(str::to_owned),
             model,
             chain,
             locked,

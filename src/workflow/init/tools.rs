@@ -41,7 +41,7 @@ pub(super) struct Tools {
 }
 
 impl Tools {
-    /// The likeliest site for both, and a tool beside it where that lies on the last axis.
+    /// The site that is named as the arm's tip, else the likeliest, for both, and a tool beside it where that lies on the last axis.
     pub fn of(arm: &FoundArm) -> Result<Self, FileError> {
         let carried: Vec<usize> = arm.carried().collect();
         let known: Vec<String> = (arm.model.named_sites().into_iter())
@@ -49,8 +49,9 @@ impl Tools {
             .map(|(name, _)| name)
             .collect();
         // One that is called an arm's end, or the last.
-        let called = called_end(known.iter().enumerate()).map(|index| &known[index]);
-        let tools = if let Some(site) = called.or(known.last()) {
+        let called = || called_end(known.iter().enumerate()).map(|index| &known[index]);
+        let site = arm.tip.as_ref().or_else(called).or(known.last());
+        let tools = if let Some(site) = site {
             let tool = SerialChain::tool(&arm.model, site)?;
             Self::beside(arm, &tool, site, Vector3::zeros())
         } else {

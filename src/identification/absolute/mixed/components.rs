@@ -17,6 +17,7 @@ use super::{
     ComponentIntervals, LEAST, MixedModel, MixedVariances, PoseReadings, VarianceComponents,
 };
 use crate::numeric::factorisation::inverse_of;
+use crate::numeric::likelihood::{Likeliest, Likelihood, LimitedLikelihood};
 use crate::numeric::markov::{Correlation, FIRST_LENGTH};
 use crate::numeric::quantile::TWO_SIDED_95;
 use crate::numeric::tolerance::ends;
@@ -25,32 +26,11 @@ use crate::parameter::JointFunction;
 /// Parts of the poses have no more of these, and no more rows.
 const SPARSE: usize = 100;
 const ROWS: usize = 900;
-/// Steps that are tried; one that gains less (of the logarithm of the likelihood) is the last.
-const STEPS: usize = 60;
-const GAIN: f64 = 0.05;
-/// A step is damped as if so many numbers told each logarithm what it is, and less where that goes well.
-const DAMPING: f64 = 1.0;
-const DAMPED: [f64; 2] = [0.25, 8.0];
 /// A logarithm that is nearer to the edge of what is looked for is at it, and an interval that reaches further says nothing.
 const EDGE: f64 = 1e-3;
+/// A deviation (m, rad), or a length, no larger than this is none.
+const NOTHING: f64 = 1.001e-9;
 const MOST_REACH: f64 = 7.0;
-
-/// What readings say of the logarithms of variances and lengths.
-struct PartsTold {
-    likelihood: f64,
-    gradient: DVector<f64>,
-    curvature: DMatrix<f64>,
-}
-
-/// The likeliest variances and lengths.
-struct LikeliestVariances {
-    /// The logarithm of their likelihood.
-    likelihood: f64,
-    variances: MixedVariances,
-    /// How far the interval of 95 % of each logarithm, those of variances and then those of lengths, reaches to either side; none where
-    /// the readings do not say.
-    reach: Vec<Option<f64>>,
-}
 
 impl MixedModel {
     /// The likeliest variance components of parts that are as sparse as plans (every k-th pose), all the same, with the likeliest of the
@@ -64,11 +44,18 @@ impl MixedModel {
         let parts: Vec<Self> = (0..count)
             .map(|part| self.of_visits(|visit| visit % count == part))
             .collect();
-        let found = Correlation::ALL.map(|each| self.likeliest_components(&parts, each));
+        let found = Correlation::ALL.map(|correlation| {
+            let likelihood = self.likelihood_of(&parts, correlation);
+            let best = likelihood.likeliest(self.start())?;
+            Some((best, likelihood, correlation))
+        });
         // Of equally likely ones the first.
         let found = found.into_iter().flatten().rev();
-        let found = found.max_by(|one, other| one.likelihood.total_cmp(&other.likelihood))?;
-        let (found, reach) = (found.variances, found.reach);
+        let logarithm = |best: &Likeliest| best.found.logarithm;
+        let (best, likelihood, correlation) =
+            found.max_by(|(one, ..), (other, ..)| logarithm(one).total_cmp(&logarithm(other)))?;
+        let found = self.variances_at(&best.at, correlation);
+        let intervals = self.intervals(&best, &likelihood, &found, parts.len());
         let function = |(place, &joint): (usize, &usize)| JointFunction {
             joint,
             deviation_rad: found.all[2 + place].sqrt(),
@@ -79,24 +66,18 @@ impl MixedModel {
             Some(first) => found.all[first + part],
             None => found.all[part] + self.within[part],
         };
-        // Ends of an interval whose logarithm reaches so far to either side.
-        let ends = |value: f64, reach: Option<f64>| {
-            reach.map(|reach| [value * (-reach).exp(), value * reach.exp()])
+        let ends = |place: usize, power: f64| {
+            let ends = intervals[place]?.map(|end: f64| (power * end).exp());
+            Some(ends.map(|end| if end > NOTHING { end } else { 0.0 }))
         };
-        let deviation = |place: usize| {
-            let variance = found.all[place];
-            ends(variance.sqrt(), reach[place].map(|reach| 0.5 * reach))
-        };
+        let deviation = |place: usize| ends(place, 0.5);
         let joints = 0..self.joints.len();
         let of_rest = found.of_poses.unwrap_or(0);
         let intervals = ComponentIntervals {
             deviations: joints.clone().map(|place| deviation(2 + place)).collect(),
             lengths: joints
                 .clone()
-                .map(|place| {
-                    let length = found.process[place].kernel.length;
-                    ends(length, reach[found.all.len() + place])
-                })
+                .map(|place| ends(found.all.len() + place, 1.0))
                 .collect(),
             repeatabilities: joints
                 .map(|place| deviation(found.returns() + place))
@@ -110,91 +91,83 @@ impl MixedModel {
         Some((components, intervals))
     }
 
-    /// The likeliest variances and lengths for all parts together.
-    fn likeliest_components(
-        &self,
-        parts: &[Self],
-        correlation: Correlation,
-    ) -> Option<LikeliestVariances> {
+    /// The variances and lengths of these logarithms.
+    fn variances_at(&self, at: &DVector<f64>, correlation: Correlation) -> MixedVariances {
+        let mut variances = self.first();
+        let process = variances.process.iter_mut().map(|each| {
+            each.kernel.correlation = correlation;
+            &mut each.kernel.length
+        });
+        for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
+            *to = value.exp();
+        }
+        variances
+    }
+
+    /// The logarithms of variances and lengths that all begins with, lengths half way to the shortest.
+    fn start(&self) -> DVector<f64> {
         let first = self.first();
-        let sizes = first.all.len();
-        let shortest = vec![FIRST_LENGTH.ln(); first.process.len()];
-        let longest = first.process.iter().map(|each| each.kernel.length.ln());
-        let longest: Vec<f64> = longest.collect();
-        let all = |sizes: Vec<f64>, lengths: &[f64]| DVector::from_vec([&sizes, lengths].concat());
-        let (low, high) = (
-            all(vec![LEAST.ln(); sizes], &shortest),
-            all(vec![0.0; sizes], &longest),
-        );
-        let variances = |at: &DVector<f64>| {
-            let mut variances = first.clone();
-            let process = variances.process.iter_mut().map(|each| {
-                each.kernel.correlation = correlation;
-                &mut each.kernel.length
-            });
-            for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
-                *to = value.exp();
-            }
-            variances
+        let lengths = first.process.iter();
+        let lengths = lengths.map(|each| 0.5 * (each.kernel.length * FIRST_LENGTH).ln());
+        let sizes = first.all.iter().map(|each| each.ln());
+        DVector::from_vec(sizes.chain(lengths).collect())
+    }
+
+    /// The likelihood of logarithms of variances and lengths, of all parts together.
+    fn likelihood_of<'a>(
+        &'a self,
+        parts: &'a [Self],
+        correlation: Correlation,
+    ) -> LimitedLikelihood<impl Fn(&DVector<f64>) -> Option<Likelihood> + 'a> {
+        let first = self.first();
+        let limits = |size: f64, lengths: Vec<f64>| {
+            let mut limits = vec![size.ln(); first.all.len()];
+            limits.extend(lengths.iter().map(|length| length.ln()));
+            DVector::from_vec(limits)
         };
-        let starts = first.all.iter().map(|each| each.ln()).collect();
-        let mut at = all(starts, &longest);
-        let half = (&at + &low).rows_range(sizes..) * 0.5;
-        at.rows_range_mut(sizes..).copy_from(&half);
-        let told = |at: &DVector<f64>| {
-            let variances = variances(at);
-            let each: Vec<Option<PartsTold>> = (parts.par_iter())
-                .map(|part| part.told_of(&variances))
+        let longest = first.process.iter().map(|each| each.kernel.length);
+        let shortest = vec![FIRST_LENGTH; first.process.len()];
+        let limits = [limits(LEAST, shortest), limits(1.0, longest.collect())];
+        let of = move |at: &DVector<f64>| {
+            let variances = self.variances_at(at, correlation);
+            let each: Vec<Option<Likelihood>> = (parts.par_iter())
+                .map(|part| part.likelihood(&variances))
                 .collect();
             each.into_iter().reduce(|sum, one| {
                 let (sum, one) = (sum?, one?);
-                Some(PartsTold {
-                    likelihood: sum.likelihood + one.likelihood,
+                Some(Likelihood {
+                    logarithm: sum.logarithm + one.logarithm,
                     gradient: sum.gradient + one.gradient,
                     curvature: sum.curvature + one.curvature,
                 })
             })?
         };
-        let mut found = told(&at)?;
-        let mut damping = DAMPING;
-        for _ in 0..STEPS {
-            let mut curvature = found.curvature.clone();
-            let mut gradient = found.gradient.clone();
-            for place in 0..at.len() {
-                let is_kept = (at[place] <= low[place] && gradient[place] < 0.0)
-                    || (at[place] >= high[place] && gradient[place] > 0.0);
-                if is_kept {
-                    gradient[place] = 0.0;
-                    curvature.row_mut(place).fill(0.0);
-                    curvature.column_mut(place).fill(0.0);
-                }
-                curvature[(place, place)] += damping;
-            }
-            let step = Cholesky::new(curvature)?.solve(&gradient);
-            let next = (&at + step).zip_zip_map(&low, &high, f64::clamp);
-            let better = told(&next).filter(|next| next.likelihood > found.likelihood);
-            damping *= DAMPED[usize::from(better.is_none())];
-            if let Some(better) = better {
-                let gain = better.likelihood - found.likelihood;
-                (at, found) = (next, better);
-                if gain < GAIN {
-                    break;
-                }
-            }
-        }
+        LimitedLikelihood { of, limits }
+    }
+
+    /// The intervals of 95 % of the likeliest logarithms, which are these variances and lengths, from so many parts; none where the
+    /// readings do not say.
+    fn intervals(
+        &self,
+        best: &Likeliest,
+        likelihood: &LimitedLikelihood<impl Fn(&DVector<f64>) -> Option<Likelihood>>,
+        likeliest: &MixedVariances,
+        parts: usize,
+    ) -> Vec<Option<[f64; 2]>> {
+        let (at, [low, high]) = (&best.at, &likelihood.limits);
         // At the edge of what is looked for nothing says how far the other side is.
         let inner: Vec<usize> = (0..at.len())
             .filter(|&place| low[place] + EDGE < at[place] && at[place] < high[place] - EDGE)
             .collect();
-        let curvature = found.curvature.select_rows(&inner).select_columns(&inner);
-        let mut reach = vec![None; at.len()];
-        let likeliest = variances(&at);
+        let curvature = best.found.curvature.select_rows(&inner);
+        let curvature = curvature.select_columns(&inner);
+        let mut intervals = vec![None; at.len()];
         // Parts see the same functions: of those no number of readings shows more than their own course.
-        let again = 1.0 - 1.0 / parts.len() as f64;
+        let again = 1.0 - 1.0 / parts as f64;
         let of_course = |place: usize| {
             let joints = self.joints.len();
             let of = |first: usize| place.checked_sub(first).filter(|joint| *joint < joints);
-            of(2).or_else(|| of(sizes)).map_or(0.0, |joint| {
+            of(2).or_else(|| of(likeliest.all.len())).map(|joint| {
                 let [low, high] = ends(self.angles(joint).into_iter());
                 likeliest.process[joint]
                     .kernel
@@ -203,20 +176,21 @@ impl MixedModel {
         };
         if let Some(factor) = Cholesky::new(curvature) {
             for (&place, variance) in inner.iter().zip(&inverse_of(&factor).diagonal()) {
-                let whole = variance + again * of_course(place);
-                reach[place] =
-                    Some(TWO_SIDED_95 * whole.sqrt()).filter(|reach| *reach < MOST_REACH);
+                let whole = variance + again * of_course(place).unwrap_or(0.0);
+                let reach = TWO_SIDED_95 * whole.sqrt();
+                let ends = [at[place] - reach, at[place] + reach];
+                intervals[place] = (reach < MOST_REACH).then_some(ends);
             }
         }
-        Some(LikeliestVariances {
-            likelihood: found.likelihood,
-            variances: likeliest,
-            reach,
-        })
+        // What else is new somewhere may be next to nothing: that is told by how much less likely it is, and not by a curvature.
+        for place in (0..likeliest.all.len()).filter(|&place| of_course(place).is_none()) {
+            intervals[place] = likelihood.interval95(best, place);
+        }
+        intervals
     }
 
     /// What the readings say, all poses together.
-    fn told_of(&self, variances: &MixedVariances) -> Option<PartsTold> {
+    fn likelihood(&self, variances: &MixedVariances) -> Option<Likelihood> {
         let each = |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| {
             in_blocks(&self.visits.iter().map(of).collect::<Vec<_>>())
         };
@@ -275,8 +249,8 @@ impl MixedModel {
         let gradient = moved.iter().zip(&changes);
         let gradient = gradient.map(|(moved, change)| left.dot(moved) - projected.dot(change));
         let moved = DMatrix::from_columns(&moved);
-        Some(PartsTold {
-            likelihood: -0.5 * (determinants.iter().sum::<f64>() + square),
+        Some(Likelihood {
+            logarithm: -0.5 * (determinants.iter().sum::<f64>() + square),
             gradient: DVector::from_iterator(changes.len(), gradient) * 0.5,
             curvature: moved.tr_mul(&(projected * &moved)) * 0.5,
         })

@@ -9,7 +9,7 @@ use super::super::super::tails::shares_of_tail;
 use super::super::joint_errors::{DiscrepancyModel, JointError, SQUARE_95, region_square};
 use super::{MixedModel, MixedSolution, MixedVariances, PoseReadings};
 
-/// From so many readings on, regions are scaled by quantiles of what was seen: of 19 the largest stays above 95 % of further ones in the mean,
+/// From so many poses on, regions are scaled by quantiles of what was seen: of 19 the largest stays above 95 % of further ones in the mean,
 const SCALED_FROM: usize = 19;
 /// and from so many on errors are spread over joint space.
 const SPREAD_FROM: usize = 40;
@@ -29,8 +29,8 @@ impl MixedModel {
         let (variances, solved) = self.likeliest()?;
         let mut model = self.model(&variances, &solved);
         let kept = self.squares_by_others();
-        let left_out: Vec<PredictedSquares<'_>> = (left_out.iter())
-            .flat_map(|visit| self.squares_at(visit, &variances, &solved))
+        let left_out: Vec<PredictedPose<'_>> = (left_out.iter())
+            .map(|pose| self.squares_at(pose, &variances, &solved))
             .collect();
         let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
         Some((model, predicted_by_others))
@@ -69,135 +69,173 @@ impl MixedModel {
                 if is_read { variance.sqrt() } else { 0.0 }
             }),
             scale: [1.0; 2],
+            mean_scale: [1.0; 2],
         }
     }
 
     /// The squares of position and rotation of each reading over their covariance, predicted by poses that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
-    fn squares_by_others(&self) -> Vec<PredictedSquares<'_>> {
+    fn squares_by_others(&self) -> Vec<PredictedPose<'_>> {
         let parts = (POSES_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_visits(|number| number % parts != part);
             let (variances, solved) = others.likeliest()?;
             let own = self.visits.iter().skip(part).step_by(parts);
-            let squares = own.flat_map(|pose| {
-                means_over_visits(pose, others.squares_at(pose, &variances, &solved))
-            });
+            let squares = own.map(|pose| others.squares_at(pose, &variances, &solved));
             Some(squares.collect::<Vec<_>>())
         });
         let all: Vec<Option<Vec<_>>> = each.collect();
         all.into_iter().flatten().flatten().collect()
     }
 
-    /// The same of a visit that was not fitted.
+    /// The same of a pose that was not fitted.
     fn squares_at<'a>(
         &self,
         visit: &'a PoseReadings,
         variances: &MixedVariances,
         solved: &MixedSolution,
-    ) -> Vec<PredictedSquares<'a>> {
+    ) -> PredictedPose<'a> {
         let offsets = self.offsets(variances);
         let local = visit.local(variances);
         let by_dense = solved.of_dense(std::slice::from_ref(visit), offsets[0]);
         let (left, known) = visit.beside_known(&local, &offsets, solved, &by_dense);
         let covariance = local.covariance + known;
         let firsts = (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
-        firsts
-            .map(|(at, _)| {
-                let next = visit.coordinates[at..].iter().skip(1);
-                let rows = 1 + next.take_while(|each| **each > 0).count();
-                let left = left.rows(at, rows).into_owned();
-                let covariance = covariance.view((at, at), (rows, rows)).into_owned();
-                PredictedSquares {
-                    angles: &visit.angles,
-                    squares: [0, 3].map(|first| region_square(&left, &covariance, first)),
-                }
-            })
-            .collect()
-    }
-}
-
-/// Squares of a position and a rotation over the covariance of what was predicted for them.
-struct PredictedSquares<'a> {
-    /// The commanded angles of the joints.
-    angles: &'a [f64],
-    squares: [Option<f64>; 2],
-}
-
-/// The means of what readings of a pose have over its visits, reading by reading: errors of a pose come again with each.
-fn means_over_visits<'a>(
-    pose: &PoseReadings,
-    mut squares: Vec<PredictedSquares<'a>>,
-) -> Vec<PredictedSquares<'a>> {
-    let visits = pose.visits.last().map_or(1, |last| last + 1);
-    if visits == 1 || !squares.len().is_multiple_of(visits) {
-        return squares;
-    }
-    let others = squares.split_off(squares.len() / visits);
-    let count = squares.len();
-    for (place, each) in squares.iter_mut().enumerate() {
-        for part in 0..2 {
-            let alike = others.iter().skip(place).step_by(count);
-            let sum = alike.fold(each.squares[part], |sum, other| {
-                Some(sum? + other.squares[part]?)
-            });
-            each.squares[part] = sum.map(|sum| sum / visits as f64);
+        let squares = firsts.map(|(at, _)| {
+            let next = visit.coordinates[at..].iter().skip(1);
+            let rows = 1 + next.take_while(|each| **each > 0).count();
+            let left = left.rows(at, rows).into_owned();
+            let covariance = covariance.view((at, at), (rows, rows)).into_owned();
+            [0, 3].map(|first| region_square(&left, &covariance, first))
+        });
+        PredictedPose {
+            angles: &visit.angles,
+            squares: squares.collect(),
         }
     }
-    squares
+}
+
+/// A pose, with the squares of positions and rotations over the covariance of what was predicted for them.
+struct PredictedPose<'a> {
+    /// The commanded angles of the joints.
+    angles: &'a [f64],
+    /// Of each reading of each visit.
+    squares: Vec<[Option<f64>; 2]>,
+}
+
+/// The squares of a pose's readings, of positions or of rotations.
+struct PoseSquares<'a> {
+    angles: &'a [f64],
+    squares: Vec<f64>,
+    /// Of how many poses each tells.
+    weight: f64,
+    /// Whether they were fitted.
+    is_kept: bool,
+}
+
+impl<'a> PoseSquares<'a> {
+    /// Of all poses that have such readings.
+    fn of_part(part: usize, all: &[PredictedPose<'a>]) -> Vec<Self> {
+        let each = all.iter().map(|pose| {
+            let squares: Vec<f64> = pose.squares.iter().filter_map(|each| each[part]).collect();
+            Self {
+                angles: pose.angles,
+                weight: 1.0 / squares.len() as f64,
+                squares,
+                is_kept: true,
+            }
+        });
+        each.filter(|pose| !pose.squares.is_empty()).collect()
+    }
+
+    fn mean(&self) -> f64 {
+        self.squares.iter().sum::<f64>() / self.squares.len() as f64
+    }
+}
+
+/// A square relative to what is expected where it is.
+struct RelativeSquare {
+    square: f64,
+    /// Of how many poses it tells.
+    weight: f64,
+    /// Whether it was fitted.
+    is_kept: bool,
 }
 
 impl DiscrepancyModel {
     /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
-    /// out and count as far as they are no wrong ones but of a tail that the errors have. Returns the share of the former that lies in regions of
-    /// 95 % as computed.
+    /// out and count as far as they are no wrong ones but of a tail that the errors have. All readings of a pose count as one together: their
+    /// errors are alike. Returns the share of the former that lies in regions of 95 % as computed.
     fn seen(
         &mut self,
         part: usize,
-        kept: &[PredictedSquares<'_>],
-        left_out: &[PredictedSquares<'_>],
+        kept: &[PredictedPose<'_>],
+        left_out: &[PredictedPose<'_>],
     ) -> Option<f64> {
-        let squares = |all: &[PredictedSquares<'_>]| -> Vec<f64> {
-            all.iter().filter_map(|each| each.squares[part]).collect()
-        };
-        let kept_squares = squares(kept);
-        if kept_squares.is_empty() {
+        let mut poses = PoseSquares::of_part(part, kept);
+        let squares: Vec<f64> = poses
+            .iter()
+            .flat_map(|pose| &pose.squares)
+            .copied()
+            .collect();
+        if squares.is_empty() {
             return None;
         }
-        let count = kept_squares.len();
-        let within = kept_squares.iter().filter(|each| **each <= SQUARE_95);
-        let share = Some(within.count() as f64 / count as f64);
-        if count < SCALED_FROM {
-            // So few poses, of many visits: as of few readings that count fully.
-            let largest = kept_squares.iter().copied().fold(SQUARE_95, f64::max);
+        let within = squares.iter().filter(|each| **each <= SQUARE_95);
+        let share = Some(within.count() as f64 / squares.len() as f64);
+        let count = poses.len() as f64;
+        let means = poses.iter().map(PoseSquares::mean).sum::<f64>();
+        self.mean_scale[part] = means / (3.0 * count);
+        if poses.len() < SCALED_FROM {
+            let largest = squares.iter().copied().fold(SQUARE_95, f64::max);
             self.scale[part] = largest / SQUARE_95;
             return share;
         }
-        let of_tail = shares_of_tail(&kept_squares, &squares(left_out));
-        let has_part = |each: &&PredictedSquares<'_>| each.squares[part].is_some();
-        let (sure, doubtful): (Vec<_>, Vec<_>) =
-            (kept.iter().filter(has_part).zip(vec![1.0; count]))
-                .chain(left_out.iter().filter(has_part).zip(of_tail))
-                .map(|(each, share)| (each.angles, each.squares[part].unwrap_or_default(), share))
-                .partition(|(.., share)| *share > LIKELIER);
-        let mut all: Vec<[f64; 2]> = (sure.iter().zip(self.spread(part, &sure)))
-            .map(|((_, square, share), factor)| [square / factor, *share])
-            .collect();
-        all.extend(doubtful.iter().map(|(angles, square, share)| {
-            let relative = self.relative_at(part, angles.iter().copied());
-            [square / relative, *share]
-        }));
-        self.scale[part] = quantile_95(all) / SQUARE_95;
+        let left_out = PoseSquares::of_part(part, left_out);
+        let each = left_out.iter();
+        let each = each.flat_map(|pose| pose.squares.iter().map(|square| (pose.angles, *square)));
+        let each: Vec<(&[f64], f64)> = each.collect();
+        let others: Vec<f64> = each.iter().map(|(_, square)| *square).collect();
+        let mut doubtful = Vec::new();
+        for ((angles, square), share) in each.iter().zip(shares_of_tail(&squares, &others)) {
+            let to = if share > LIKELIER {
+                &mut poses
+            } else {
+                &mut doubtful
+            };
+            to.push(PoseSquares {
+                angles,
+                squares: vec![*square],
+                weight: share * count / squares.len() as f64,
+                is_kept: false,
+            });
+        }
+        let mut factors = self.spread(part, &poses);
+        let at = |pose: &PoseSquares<'_>| self.relative_at(part, pose.angles.iter().copied());
+        factors.extend(doubtful.iter().map(at));
+        let all = poses.iter().chain(&doubtful).zip(factors);
+        let relative = all.flat_map(|(pose, factor)| {
+            pose.squares.iter().map(move |square| RelativeSquare {
+                square: square / factor,
+                weight: pose.weight,
+                is_kept: pose.is_kept,
+            })
+        });
+        let relative: Vec<RelativeSquare> = relative.collect();
+        let all = relative.iter().map(|each| each.weight).sum::<f64>();
+        let whole = relative.iter().map(|each| each.weight * each.square);
+        self.mean_scale[part] = whole.sum::<f64>() / (3.0 * all);
+        self.scale[part] = quantile_95(relative) / SQUARE_95;
         share
     }
 
     /// How errors are spread over joint space: by how much larger squares are where each is, as the others have it.
-    fn spread(&mut self, part: usize, all: &[(&[f64], f64, f64)]) -> Vec<f64> {
+    fn spread(&mut self, part: usize, all: &[PoseSquares<'_>]) -> Vec<f64> {
         if all.len() < SPREAD_FROM {
             return vec![1.0; all.len()];
         }
-        let angles: Vec<&[f64]> = all.iter().map(|each| each.0).collect();
-        let squares: Vec<f64> = all.iter().map(|each| each.1).collect();
+        let means = all.iter().map(|pose| (pose.angles, pose.mean()));
+        let (angles, squares): (Vec<&[f64]>, Vec<f64>) = means.unzip();
         let ranges: Vec<[f64; 2]> = (self.joints.iter())
             .map(|each| each.process.range())
             .collect();
@@ -214,23 +252,23 @@ impl DiscrepancyModel {
     }
 }
 
-/// What a new square stays below with a probability of 95 %, as squares say that count by shares: of n that count fully, the one with
+/// What a new square stays below with a probability of 95 %, as squares say that have weights: of n that count fully, the one with
 /// the rank 0.95 (n + 1). Of few, the share that stays below it is uncertain, beta distributed: then a larger one, so that it is seldom much
-/// smaller; the largest that counts fully where that is beyond all.
-fn quantile_95(mut squares: Vec<[f64; 2]>) -> f64 {
-    squares.sort_by(|one, other| one[0].total_cmp(&other[0]));
-    let all = squares.iter().map(|each| each[1]).sum::<f64>();
+/// smaller; the largest that was fitted where that is beyond all.
+fn quantile_95(mut squares: Vec<RelativeSquare>) -> f64 {
+    squares.sort_by(|one, other| one.square.total_cmp(&other.square));
+    let all = squares.iter().map(|each| each.weight).sum::<f64>();
     let is_enough = |below: f64| {
         let held = Beta::new(below, all + 1.0 - below);
         below >= 0.95 * (all + 1.0) && held.is_ok_and(|held| held.cdf(LEAST_HELD) <= SELDOM)
     };
     let mut below = 0.0;
-    let found = squares.iter().find(|[_, share]| {
-        below += share;
+    let found = squares.iter().find(|each| {
+        below += each.weight;
         is_enough(below)
     });
-    let largest = || squares.iter().rfind(|[_, share]| *share >= 1.0);
-    found.or_else(largest).map_or(SQUARE_95, |each| each[0])
+    let largest = || squares.iter().rfind(|each| each.is_kept);
+    found.or_else(largest).map_or(SQUARE_95, |each| each.square)
 }
 
 #[cfg(test)]
@@ -238,14 +276,35 @@ mod tests {
     use super::*;
 
     /// Of 998 squares the 950th, of 60 the last but one, since 58 hold less than 92 % of others with a probability of 13 %; one that hardly
-    /// counts is none of them.
+    /// counts is none of them. Where each pose has five readings, these are those of so many poses.
     #[test]
     fn quantiles_of_few_are_larger_ones() {
-        let squares = |count: i32| (1..=count).map(|each| [f64::from(each), 1.0]).collect();
+        let square = |square: f64, weight: f64| RelativeSquare {
+            square,
+            weight,
+            is_kept: weight > 1e-2,
+        };
+        let squares = |count: i32, readings: i32| -> Vec<RelativeSquare> {
+            (1..=count * readings)
+                .map(|each| {
+                    square(
+                        f64::from(each) / f64::from(readings),
+                        1.0 / f64::from(readings),
+                    )
+                })
+                .collect()
+        };
         for (count, expected) in [(998, 950.0), (250, 239.0), (60, 59.0), (40, 40.0)] {
-            let mut all: Vec<[f64; 2]> = squares(count);
-            assert!((quantile_95(all.clone()) - expected).abs() < 0.5, "{count}");
-            all.push([1e6, 1e-3]);
+            assert!(
+                (quantile_95(squares(count, 1)) - expected).abs() < 0.5,
+                "{count}"
+            );
+            assert!(
+                (quantile_95(squares(count, 5)) - expected).abs() < 1.0,
+                "{count}"
+            );
+            let mut all = squares(count, 1);
+            all.push(square(1e6, 1e-3));
             assert!((quantile_95(all) - expected).abs() < 0.5, "{count}");
         }
     }
