@@ -4,6 +4,7 @@
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use strum::VariantArray;
 
 use crate::numeric::tolerance::length_quantile;
 use crate::quantities::plausible::TOLERANCE;
@@ -71,7 +72,18 @@ impl DistanceTolerance {
 
 /// What comparisons of results look at.
 #[derive(
-    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Deserialize, JsonSchema, Serialize,
+    Debug,
+    Clone,
+    Copy,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Hash,
+    Deserialize,
+    JsonSchema,
+    Serialize,
+    VariantArray,
 )]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
@@ -156,17 +168,6 @@ pub struct Gate {
 }
 
 impl Quantity {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::Rho0,
-        Self::Efficiency,
-        Self::StandardError,
-        Self::RealisedError,
-        Self::MeanError,
-        Self::Violations,
-        Self::FailedRuns,
-    ];
-
     /// Its name in files, the unit of its values (empty for pure numbers), its key for an absolute tolerance, and the relative
     /// tolerance where the gate gives none; counts may not grow.
     const fn row(self) -> (&'static str, &'static str, &'static str, f64) {
@@ -239,7 +240,7 @@ impl Gate {
     /// # Errors
     /// A tolerance is negative, not plausible, or in the wrong unit.
     pub fn check(&self) -> Result<(), (String, String)> {
-        for quantity in Quantity::ALL {
+        for &quantity in Quantity::VARIANTS {
             let Some(table) = self.table(quantity) else {
                 continue;
             };

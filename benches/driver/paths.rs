@@ -278,9 +278,9 @@ pub fn recording() -> Recording {
         ),
     ];
     let calibrations = plans.map(|(name, plan)| {
-        let calibration = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0)
-            .expect("a calibration");
-        CarriedOutPlan::Deflections(name.to_owned(), Box::new(calibration))
+        let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+        let made = calibrate(task, truth, &plan, seed, 0).expect("a calibration");
+        CarriedOutPlan::of_deflections(task, truth, seed, name, &made).expect("it works")
     });
     Recording::new(scenario, &calibrations).expect("a recording")
 }

@@ -1,11 +1,10 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
-use crate::calibration::pose_conditions;
 use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
+use crate::record::run::RunMessage;
 use crate::study::Entry;
-use crate::task::Belief;
-use crate::view::recording::{CarriedOutPlan, PlanRecord, Recording};
+use crate::view::recording::{CarriedOutPlan, Recording};
 use crate::workflow::study::refuse_others;
 
 use super::command_prelude::*;
@@ -58,7 +57,7 @@ impl Replay {
         };
         let recording = Recording::new(&of_setting, &plans)?;
         let records = recording.calibrations.iter().map(|each| &each.record);
-        let records: Vec<&PlanRecord> = records.collect();
+        let records: Vec<&RunMessage> = records.collect();
         let shown = settings[0].conditions;
         let accuracy = scenario.task.design.accuracy;
         let names: Vec<String> = others.iter().map(|each| each.described(accuracy)).collect();
@@ -73,12 +72,16 @@ impl Replay {
             "sigma_mm": shown.sigma_mm(accuracy),
             "load_scale": shown.load_scale,
             "notes": notes,
-            "plans": records.iter().map(|each| each.json()).collect::<Result<Vec<_>, _>>()?,
+            "plans": records,
         });
         let json = results("replay", &ProvenanceMessage::new(&scenario), [keys]);
         let said = describe(&scenario, &records) + &noted(&notes);
-        let belief = &settings[0].task.belief;
-        let found = plans.iter().flat_map(|plan| conditions(belief, plan));
+        let within = |run: &&RunMessage| {
+            let plan = format!("plan {:?}", run.name);
+            let found = run.conditions.iter();
+            found.map(|each| each.within(&plan)).collect::<Vec<_>>()
+        };
+        let found = records.iter().flat_map(within);
         let mut report = Report::new(json, said, found.collect());
         let (text, record) = (
             record_text(&mut report.json, &report.conditions)?,
@@ -91,31 +94,14 @@ impl Replay {
     }
 }
 
-/// What must be looked at of what was identified by a plan, and of what that commands.
-fn conditions(belief: &Belief, plan: &CarriedOutPlan) -> Vec<Condition> {
-    let (name, found) = match plan {
-        CarriedOutPlan::Deflections(name, made) => {
-            let mut found = made.identification.conditions();
-            found.extend(pose_conditions(belief, &made.poses));
-            (name, found)
-        }
-        CarriedOutPlan::Readings(record, _) => (&record.name, record.conditions.clone()),
-    };
-    let plan = format!("plan {name:?}");
-    found.iter().map(|each| each.within(&plan)).collect()
-}
-
 /// The distance that each plan leaves at each test pose.
-fn describe(scenario: &Scenario, plans: &[&PlanRecord]) -> String {
+fn describe(scenario: &Scenario, plans: &[&RunMessage]) -> String {
     let mut header = vec!["plan".to_owned()];
     header.extend((scenario.task.test_poses.iter()).map(|pose| format!("{} [um]", pose.name)));
-    let row = |plan: &&PlanRecord| {
-        let residuals = plan.test_poses().iter().map(|pose| pose.residual_mm);
+    let row = |plan: &&RunMessage| {
+        let residuals = plan.test_poses.iter().map(|pose| pose.residual_mm);
         let residuals = residuals.map(|residual_mm| format!("{:.3}", residual_mm * 1e3));
-        [plan.name().to_owned()]
-            .into_iter()
-            .chain(residuals)
-            .collect()
+        [plan.name.clone()].into_iter().chain(residuals).collect()
     };
     aligned(&header, plans.iter().map(row))
 }

@@ -1,7 +1,7 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
 use crate::files::make_folder;
-use crate::identification::ReadingWeights;
+use crate::identification::{AbsoluteMessage, ReadingWeights};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, PlanSize, Watch};
 use crate::plan::{Criterion, take_nearest_turns};
@@ -137,9 +137,10 @@ impl Run {
         let made = &main.calibration;
         let (assessment, plan) = (Box::new(main.assessment.clone()), made.plan.clone());
         let planned = PlannedAccuracy::Deflections(plan, assessment);
+        let truth = &scenario.truth;
         let shown = outcome.tried.iter().map(|each| {
-            let made = Box::new(each.calibration.clone());
-            CarriedOutPlan::Deflections(each.record.name.clone(), made)
+            let (name, made) = (&each.record.name, &each.calibration);
+            CarriedOutPlan::of_deflections(task, truth, seed, name, made)
         });
         let commands = task.belief.commands();
         let text = deflections::describe(&made.identification, &task.belief);
@@ -147,7 +148,7 @@ impl Run {
         let json = outcome.json(scenario, designed.elapsed_s)?;
         Ok(Looped {
             measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
-            shown: shown.collect(),
+            shown: shown.collect::<Result<_, _>>()?,
             bound: Some(designed.bound),
             report: Report::new(json, text, outcome.conditions.clone()),
             planned,
@@ -185,16 +186,15 @@ impl Run {
         };
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
-        let record = &outcome.record;
-        let text =
-            absolute::describe(&record.identification, &task.belief) + &of_readings(plan, &outcome);
+        let found = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
+        let text = absolute::describe(&found, &task.belief) + &of_readings(plan, &outcome);
         let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
-            measurements: absolute_table(&task.belief.commands(), &record.readings),
-            shown: vec![CarriedOutPlan::Readings(
-                Box::new(outcome.record.clone()),
-                outcome.carried_out.clone(),
-            )],
+            measurements: absolute_table(&task.belief.commands(), &outcome.readings),
+            shown: vec![CarriedOutPlan {
+                run: outcome.record.clone(),
+                did: outcome.carried_out.clone(),
+            }],
             bound: None,
             report: Report::new(json, text, conditions),
             page: {

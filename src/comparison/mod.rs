@@ -11,6 +11,7 @@ pub mod results;
 
 use clap::ValueEnum;
 use serde::Serialize;
+use strum::VariantArray;
 
 use crate::codes::ErrorCode;
 use crate::files::FileError;
@@ -180,7 +181,9 @@ pub fn compare(
         identical: changes.iter().all(same_bits),
         same_platform,
         differences,
-        quantities: Quantity::ALL.into_iter().filter(is_there).collect(),
+        quantities: (Quantity::VARIANTS.iter().copied())
+            .filter(is_there)
+            .collect(),
         changes,
         not_compared,
     })

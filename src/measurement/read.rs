@@ -74,11 +74,9 @@ impl From<usize> for MeasuredArm {
 impl From<&Belief> for MeasuredArm {
     fn from(belief: &Belief) -> Self {
         Self {
-            commands: belief.commands(),
             unloaded: belief.instrument.unloaded,
             beside_m: (belief.instrument.gauge).and_then(|gauge| gauge.beside_m),
-            absolute: None,
-            stations: Vec::new(),
+            ..belief.commands().into()
         }
     }
 }

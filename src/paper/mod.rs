@@ -15,7 +15,7 @@ use thiserror::Error;
 use crate::files::FileError;
 use crate::plan::search::{SearchError, Watch};
 use crate::plan::{Feasibility, Plan, read_plan};
-use crate::record::messages::{ExperimentMessage, plan_messages};
+use crate::record::messages::{PlanRowMessage, plan_messages};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::{EntryKind, StudyError, repeated};
@@ -53,7 +53,7 @@ pub struct PrintedPlan {
     /// The number of measurements.
     pub experiments: u32,
     /// The plan as printed.
-    pub plan: Vec<ExperimentMessage>,
+    pub plan: Vec<PlanRowMessage>,
     /// The bounds of Table 3 that it breaks.
     pub violations: Vec<String>,
 }

@@ -7,7 +7,7 @@ use super::{DesignedPlan, ReproductionError};
 use crate::compensation::test_pose_matrix;
 use crate::paper::published::{EQUATION_23, HALF_A_PLACE, TABLE_5, TABLE_6};
 use crate::plan::{Assessment, Plan};
-use crate::record::messages::{ExperimentMessage, plan_messages};
+use crate::record::messages::{PlanRowMessage, plan_messages};
 use crate::study::repeated;
 use crate::task::{Task, TestPose};
 
@@ -67,7 +67,7 @@ pub struct Accuracy {
     /// No plan of as many measurements has a smaller one (mm).
     pub lower_bound_rho0_mm: Option<f64>,
     /// This program's plan.
-    pub own_plan: Vec<ExperimentMessage>,
+    pub own_plan: Vec<PlanRowMessage>,
 }
 
 impl StandardErrors {

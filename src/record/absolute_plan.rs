@@ -1,39 +1,13 @@
 //! A plan of absolute readings as a record.
 
 use serde::Serialize;
-use serde_json::{Value, json};
 
 use super::length::LengthField;
-use super::messages::{TestPoseMessage, TruthMessage};
-use crate::codes::Condition;
-use crate::identification::AbsoluteMessage;
-use crate::measurement::AbsoluteReading;
+use super::messages::{PlanRowMessage, PlannedReadingMessage};
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};
-use crate::robot::{Approach, Load};
 use crate::task::{AccuracyKind, Task};
-
-/// What is read in a plan, and where.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct PlannedReadingMessage {
-    /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
-    pub q_deg: Vec<f64>,
-    /// Force (N) and torque (N m) in the world frame at the calibration tool; null without a load.
-    pub wrench: Option<[f64; 6]>,
-    /// The site that is read; null for the calibration tool.
-    pub target: Option<String>,
-    /// Where the instrument stands.
-    pub station: Option<String>,
-    /// The nominal length that is read, where one is.
-    #[serde(flatten)]
-    pub length: LengthField,
-    /// From which side the configuration is approached: a sign for each joint, where the candidates say it.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub approach: Option<String>,
-    /// How often it is read.
-    pub repeats: u32,
-}
 
 /// How well an unknown is known afterwards.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -88,7 +62,7 @@ pub struct AbsolutePlanMessage {
     /// All unknowns.
     pub unknowns: Vec<PredictedUnknownMessage>,
     /// The readings.
-    pub plan: Vec<PlannedReadingMessage>,
+    pub plan: Vec<PlanRowMessage>,
     /// What it was chosen from, or what it was read as.
     pub candidates: OfferedCandidates,
     /// How the candidates were drawn; null where they are a file's.
@@ -99,83 +73,23 @@ pub struct AbsolutePlanMessage {
     pub not_counted: Vec<String>,
 }
 
-/// What is read in a plan: candidates by their places, and how often each.
+/// The rows of a plan: candidates by their places, and how often each is read.
 pub fn planned_readings(
     task: &Task,
     planning: &AbsolutePlanning<'_>,
     plan: &[(usize, u32)],
-) -> Vec<PlannedReadingMessage> {
+) -> Vec<PlanRowMessage> {
     let commands = task.belief.commands();
     let rows = planning.readings(plan).into_iter().zip(plan);
-    rows.map(|((row, repeats), &(place, _))| {
-        let load = row.load.filter(|load| *load != Load::NONE);
-        PlannedReadingMessage {
-            q_deg: commands.numbers(row.configuration_rad.as_slice()),
-            wrench: load.map(|load| load.wrench().into()),
+    rows.map(|((row, repeats), &(place, _))| PlanRowMessage {
+        reads: Some(PlannedReadingMessage {
             target: row.target.clone(),
             station: row.station.clone(),
             length: LengthField(planning.length(place)),
-            approach: row.approach.as_ref().map(Approach::word),
-            repeats,
-        }
+        }),
+        ..PlanRowMessage::new(&commands, &row.experiment(repeats))
     })
     .collect()
-}
-
-/// What an instrument said (mm), in its own frame.
-fn readings_json(readings: &[AbsoluteReading]) -> Vec<Value> {
-    let reading = |each: &AbsoluteReading| {
-        if each.length.is_some() {
-            return json!(LengthField(each.length));
-        }
-        let position_mm: [f64; 3] = (each.position_m * 1e3).into();
-        json!({ "position_mm": position_mm, "quaternion": quaternion(each) })
-    };
-    readings.iter().map(reading).collect()
-}
-
-/// The orientation of a pose, real part first, in the instrument's frame.
-pub fn quaternion(reading: &AbsoluteReading) -> Option<[f64; 4]> {
-    (reading.rotation).map(|turned| [turned.w, turned.i, turned.j, turned.k])
-}
-
-/// A plan of absolute readings that was carried out once.
-#[derive(Debug, Clone)]
-pub struct ReadingsRunMessage {
-    /// The plan's name.
-    pub name: String,
-    /// The plan.
-    pub plan: Vec<PlannedReadingMessage>,
-    /// What was read.
-    pub readings: Vec<AbsoluteReading>,
-    /// The simulated truth of the run,
-    pub truth: TruthMessage,
-    /// and of it the quantities that were identified, in their order; none where a run does not say them.
-    pub true_values: Vec<Option<f64>>,
-    /// What was identified.
-    pub identification: AbsoluteMessage,
-    /// What that achieves at each test pose.
-    pub test_poses: Vec<TestPoseMessage>,
-    /// What must be looked at, of the fit and of what is commanded.
-    pub conditions: Vec<Condition>,
-}
-
-impl ReadingsRunMessage {
-    /// The record as JSON.
-    pub fn json(&self) -> serde_json::Result<Value> {
-        let unknowns = self.identification.unknowns.iter().zip(&self.true_values);
-        let unknowns = unknowns.map(|(each, value)| json!({ "name": each.name, "value": value }));
-        let mut truth = serde_json::to_value(&self.truth)?;
-        truth["unknowns"] = unknowns.collect();
-        Ok(json!({
-            "name": self.name,
-            "plan": self.plan,
-            "measurements": readings_json(&self.readings),
-            "truth": truth,
-            "identification": self.identification,
-            "test_poses": self.test_poses,
-        }))
-    }
 }
 
 impl AbsolutePlanMessage {

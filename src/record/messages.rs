@@ -9,15 +9,15 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::calibration::{Calibration, CompensatedPose};
+use super::length::LengthField;
+use crate::calibration::CompensatedPose;
 use crate::files::schema::RESULTS_VERSION;
-use crate::identification::{IdentificationMessage, MeasurementResidual};
 use crate::measurement::Measurement;
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
-use crate::robot::{Approach, Commands};
+use crate::robot::{Approach, Commands, Load};
 use crate::scenario::Scenario;
-use crate::task::{AccuracyKind, Belief};
+use crate::task::AccuracyKind;
 use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
@@ -116,14 +116,14 @@ pub fn platform() -> String {
     format!("{} {}{sets}", std::env::consts::ARCH, std::env::consts::OS)
 }
 
-/// One configuration and load of a plan.
+/// One row of a plan: a configuration and a load.
 #[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
-pub struct ExperimentMessage {
+pub struct PlanRowMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
-    /// Force (N) and torque (N m) in the world frame at the calibration tool.
-    pub wrench: [f64; 6],
-    /// How often it is measured.
+    /// Force (N) and torque (N m) in the world frame at the calibration tool; null without a load.
+    pub wrench: Option<[f64; 6]>,
+    /// How often it is measured, or read.
     pub repeats: u32,
     /// The side from which each joint comes to its command, `+` or `-`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -131,18 +131,42 @@ pub struct ExperimentMessage {
     /// The direction that a gauge reads along: a unit vector in the world frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub direction: Option<[f64; 3]>,
+    /// What is read and from where, of absolute readings.
+    #[serde(flatten)]
+    pub reads: Option<PlannedReadingMessage>,
+}
+
+/// What is read in a row of a plan of absolute readings, and from where.
+#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+pub struct PlannedReadingMessage {
+    /// The site that is read; null for the calibration tool.
+    pub target: Option<String>,
+    /// Where the instrument stands.
+    pub station: Option<String>,
+    /// The nominal length that is read, where one is.
+    #[serde(flatten)]
+    pub length: LengthField,
 }
 
 /// The experiments of a plan in their order.
-pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<ExperimentMessage> {
-    let message = |experiment: &Experiment| ExperimentMessage {
-        q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
-        wrench: experiment.load.wrench().into(),
-        repeats: experiment.repeats,
-        approach: experiment.approach.as_ref().map(Approach::word),
-        direction: experiment.direction.map(Into::into),
-    };
-    plan.experiments.iter().map(message).collect()
+pub fn plan_messages(commands: &Commands, plan: &Plan) -> Vec<PlanRowMessage> {
+    let rows = plan.experiments.iter();
+    rows.map(|row| PlanRowMessage::new(commands, row)).collect()
+}
+
+impl PlanRowMessage {
+    /// The row of an experiment.
+    pub fn new(commands: &Commands, experiment: &Experiment) -> Self {
+        let load = Some(experiment.load).filter(|load| *load != Load::NONE);
+        Self {
+            q_deg: commands.numbers(experiment.configuration_rad.as_slice()),
+            wrench: load.map(|load| load.wrench().into()),
+            repeats: experiment.repeats,
+            approach: experiment.approach.as_ref().map(Approach::word),
+            direction: experiment.direction.map(Into::into),
+            reads: None,
+        }
+    }
 }
 
 /// One experiment's outcome.
@@ -288,6 +312,18 @@ pub struct TruthMessage {
     pub sampled: Vec<SampledValue>,
     /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
     pub deflections_mm: Vec<[f64; 3]>,
+    /// The quantities that absolute readings identified, in their order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unknowns: Option<Vec<TrueUnknownMessage>>,
+}
+
+/// The simulated truth of what was identified.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrueUnknownMessage {
+    /// Its name.
+    pub name: String,
+    /// Its value; null where a run does not say it.
+    pub value: Option<f64>,
 }
 
 impl TruthMessage {
@@ -299,53 +335,7 @@ impl TruthMessage {
             compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
             sampled: truth.sampled.clone(),
             deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
-        }
-    }
-}
-
-/// One calibration from plan to compensated test poses.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct CalibrationMessage {
-    /// The plan's name.
-    pub name: String,
-    /// The plan.
-    pub plan: Vec<ExperimentMessage>,
-    /// Its measurements.
-    pub measurements: Vec<MeasurementMessage>,
-    /// The simulated truth of the run.
-    pub truth: TruthMessage,
-    /// What was identified from the measurements.
-    pub identification: IdentificationMessage,
-    /// Each measurement's residual, standardised.
-    pub residuals: Vec<MeasurementResidual>,
-    /// What that achieves at each test pose.
-    pub test_poses: Vec<TestPoseMessage>,
-}
-
-impl CalibrationMessage {
-    /// The record of a calibration under the name of its plan.
-    pub fn new(belief: &Belief, name: &str, calibration: &Calibration) -> Self {
-        let (commands, nominal) = (&belief.commands(), &belief.nominal);
-        let measurements = calibration.measurements.iter();
-        let poses = calibration.poses.iter();
-        Self {
-            name: name.to_owned(),
-            plan: plan_messages(commands, &calibration.plan),
-            measurements: measurements
-                .map(|each| MeasurementMessage::new(commands, each))
-                .collect(),
-            truth: TruthMessage::new(
-                (calibration.identification.parameters.iter()).map(|each| each.joint),
-                &calibration.truth,
-            ),
-            identification: IdentificationMessage::new(
-                &calibration.identification,
-                &nominal.compliance_rad_per_nm,
-            ),
-            residuals: calibration.residuals.clone(),
-            test_poses: poses
-                .map(|each| TestPoseMessage::new(commands, each))
-                .collect(),
+            unknowns: None,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! What is kept of results: serde records with the unit of every number in its key.
 //!
-//! - [`messages`]: a calibration, the predicted accuracy of a plan, and where results come from; `--json`,
-//!   results.json and the MCAP file share them.
+//! - [`run`]: a plan that was carried out once; [`messages`]: the parts of it, the predicted accuracy of a plan, and where results come
+//!   from; `--json`, results.json and the MCAP file share them.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -19,6 +19,7 @@ pub mod length;
 pub mod messages;
 pub mod model_selection;
 pub mod robot_trials;
+pub mod run;
 pub mod selection;
 pub mod study;
 pub mod tally_file;

@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use crate::calibration::rms_m;
+use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::quantities::units::shown_unit;
-use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::record::messages::{TestPoseMessage, TruthMessage};
 use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
 use crate::text::wording::{dash, inverse_interval, joined, number, percent, shortened};
@@ -92,8 +92,7 @@ impl RecordTable {
 }
 
 /// The identified compliances beside the simulated truth; `unit` is a millionth of SI's.
-pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> RecordTable {
-    let found = &calibration.identification;
+pub fn compliances(found: &IdentificationMessage, truth: &TruthMessage, unit: &str) -> RecordTable {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
     let rows = (found.parameters.iter().enumerate()).map(|(index, name)| {
         let interval = found.compliance_ci95_rad_per_nm[index];
@@ -102,7 +101,7 @@ pub fn compliances(calibration: &CalibrationMessage, unit: &str) -> RecordTable 
             name.clone(),
             micro(found.compliance_rad_per_nm[index]),
             interval.map_or_else(dash, |[low, high]| format!("{low} to {high}")),
-            micro((calibration.truth.compliance_rad_per_nm.get(index)).copied()),
+            micro(truth.compliance_rad_per_nm.get(index).copied()),
         ]
     });
     let unit = micro_sign(unit);
@@ -163,9 +162,9 @@ pub fn contributions(parts: &[Contribution]) -> RecordTable {
 }
 
 /// What was identified from absolute readings, frames left out, beside the simulated truth of the run.
-pub fn unknowns(run: &ReadingsRunMessage) -> RecordTable {
-    let found = &run.identification;
-    let unknowns = found.unknowns.iter().zip(&run.true_values);
+pub fn unknowns(found: &AbsoluteMessage, truth: &TruthMessage) -> RecordTable {
+    let truths = truth.unknowns.iter().flatten().map(|each| each.value);
+    let unknowns = found.unknowns.iter().zip(truths);
     let known = unknowns.filter(|(unknown, _)| !found.is_of_frame(&unknown.name));
     let rows = known.map(|(unknown, truth)| {
         let (factor, unit) = shown_unit(&unknown.unit);
@@ -176,7 +175,7 @@ pub fn unknowns(run: &ReadingsRunMessage) -> RecordTable {
         vec![
             unknown.name.clone(),
             shown(Some(unknown.nominal)),
-            shown(*truth),
+            shown(truth),
             shown(error.map(|_| unknown.value)),
             shown(error),
             number(off, 2),

@@ -65,17 +65,11 @@ pub struct CalibratedRobot {
     pub read_ranges: ReadRanges,
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
     pub stations: Vec<IdentifiedStation>,
-    known: Knowledge,
+    /// What test poses depend on, where that is no belief's unknowns, whose values are what was identified,
+    set: Option<ParameterSet>,
+    /// and what is known of it.
+    posterior: Posterior,
     known_places: Option<KnownPlaces>,
-}
-
-/// What is known of what test poses depend on.
-#[derive(Debug, Clone)]
-enum Knowledge {
-    /// Of a belief's unknowns: their values are what was identified.
-    OfBelief(Posterior),
-    /// Of other parameters.
-    Of(ParameterSet, Posterior),
 }
 
 impl CalibratedRobot {
@@ -114,7 +108,8 @@ impl CalibratedRobot {
             with_joint_errors: None,
             read_ranges: ReadRanges::default(),
             stations: Vec::new(),
-            known: Knowledge::OfBelief(posterior),
+            set: None,
+            posterior,
             known_places: None,
             nominal,
             arm,
@@ -201,7 +196,8 @@ impl CalibratedRobot {
             apart,
             taken_as_believed,
             stations,
-            known: Knowledge::Of(set, posterior),
+            set: Some(set),
+            posterior,
             known_places: Some(known_places),
         })
     }
@@ -213,11 +209,8 @@ impl CalibratedRobot {
         robots: &mut TrueRobots,
         method: Method,
     ) -> Result<Vec<CompensatedPose>, CalibrationError> {
-        let (set, posterior) = match &self.known {
-            Knowledge::OfBelief(posterior) => {
-                return compensate_poses(task, robots, posterior, method);
-            }
-            Knowledge::Of(set, posterior) => (set, posterior),
+        let Some(set) = &self.set else {
+            return compensate_poses(task, robots, &self.posterior, method);
         };
         compensate_poses_by(task, robots, &|pose| {
             let tool = self.machining_tool;
@@ -225,7 +218,7 @@ impl CalibratedRobot {
             let sizes = vec![1.0; set.len()];
             let model = PlannedReadings::at_test_pose(&self.nominal, tool, set, &sizes);
             let rows = uncompensated_rows(model, pose);
-            Ok((commanded_rad, predicted_error(&rows, posterior)))
+            Ok((commanded_rad, predicted_error(&rows, &self.posterior)))
         })
     }
 
@@ -256,32 +249,27 @@ impl CalibratedRobot {
         work: impl FnOnce(&KnownArm<'_>) -> T,
     ) -> Result<T, ParameterError> {
         let tool = self.machining_tool;
-        match &self.known {
-            Knowledge::OfBelief(posterior) => {
-                let (arm, set) = (belief.uncertain.arm(), belief.uncertain.set());
-                Ok(work(&KnownArm {
-                    arm,
-                    tool,
-                    set,
-                    posterior,
-                }))
-            }
-            Knowledge::Of(set, posterior) => {
-                // Their values count from the arm that was identified.
-                let kinds = set.parameters().iter().map(|each| (each.kind, None));
-                let set = ParameterSet::new(&self.arm, kinds)?;
-                let posterior = Posterior {
-                    mean: set.prior().mean.as_slice().to_vec(),
-                    ..posterior.clone()
-                };
-                Ok(work(&KnownArm {
-                    arm: &self.arm,
-                    tool,
-                    set: &set,
-                    posterior: &posterior,
-                }))
-            }
-        }
+        let Some(set) = &self.set else {
+            return Ok(work(&KnownArm {
+                arm: belief.uncertain.arm(),
+                tool,
+                set: belief.uncertain.set(),
+                posterior: &self.posterior,
+            }));
+        };
+        // Their values count from the arm that was identified.
+        let kinds = set.parameters().iter().map(|each| (each.kind, None));
+        let set = ParameterSet::new(&self.arm, kinds)?;
+        let posterior = Posterior {
+            mean: set.prior().mean.as_slice().to_vec(),
+            ..self.posterior.clone()
+        };
+        Ok(work(&KnownArm {
+            arm: &self.arm,
+            tool,
+            set: &set,
+            posterior: &posterior,
+        }))
     }
 }
 

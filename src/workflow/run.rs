@@ -29,14 +29,13 @@ use crate::plan::search::{
     ApproximateDesign, Bound, CandidateError, PlanSize, RepeatsNeeded, SearchError, Watch,
     median_random_plan, random_plan, repeats_needed,
 };
-use crate::record::absolute_plan::{
-    AbsolutePlanMessage, PlannedReadingMessage, ReadingsRunMessage, planned_readings,
-};
+use crate::record::absolute_plan::{AbsolutePlanMessage, planned_readings};
 use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::{
-    CalibrationMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, TruthMessage,
-    assessment_json, results,
+    PlanRowMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, TrueUnknownMessage,
+    TruthMessage, assessment_json, results,
 };
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
 use crate::study::absolute::ReadingRuns;
@@ -60,7 +59,7 @@ pub struct TriedPlan {
     /// What came of it,
     pub calibration: Calibration,
     /// as a record under the plan's name.
-    pub record: CalibrationMessage,
+    pub record: RunMessage,
     /// Whether it was drawn at random.
     pub is_random: bool,
 }
@@ -141,9 +140,7 @@ pub fn run(
         .collect();
     let beside = (approximate, bound);
     let evidence = gather(scenario, beside, &fixed, Watch::quiet(stop))?;
-    let main = &tried[0].calibration;
-    let mut conditions = main.identification.conditions();
-    conditions.extend(pose_conditions(&task.belief, &main.poses));
+    let mut conditions = tried[0].record.conditions.clone();
     conditions.extend(loads_outside);
     conditions.extend(tried[0].assessment.violated());
     conditions.extend(tried[0].assessment.conditions.iter().cloned());
@@ -194,7 +191,7 @@ fn calibrate_all(
         {
             Ok(Ok(calibration)) => tried.push(TriedPlan {
                 assessment: assessment(&calibration.plan),
-                record: CalibrationMessage::new(belief, &name, &calibration),
+                record: RunMessage::of_deflections(belief, &name, &calibration),
                 calibration,
                 is_random: index == known,
             }),
@@ -217,26 +214,22 @@ fn calibrate_all(
 impl RunOutcome {
     /// results.json: the designed plan's keys by stage, then every plan, then what it is shown beside.
     pub fn json(&self, scenario: &Scenario, elapsed_s: f64) -> serde_json::Result<Value> {
-        let TriedPlan {
-            record: main,
-            assessment,
-            ..
-        } = &self.tried[0];
-        let first = json!({
-            "gate": scenario.gate,
-            "simulated": SimulatedRun::first(scenario.seed, Some(RUN)),
-            "plan": main.plan,
-            "elapsed_s": elapsed_s,
-            "measurements": main.measurements,
-            "truth": main.truth,
-            "residuals": main.residuals,
-        });
         let mut all = Vec::new();
         for each in &self.tried {
             let mut plan = serde_json::to_value(&each.record)?;
             plan["assessment"] = assessment_json(scenario, &each.assessment);
             all.push(plan);
         }
+        let mut main = all[0].clone();
+        let first = json!({
+            "gate": scenario.gate,
+            "simulated": SimulatedRun::first(scenario.seed, Some(RUN)),
+            "plan": main["plan"].take(),
+            "elapsed_s": elapsed_s,
+            "measurements": main["measurements"].take(),
+            "truth": main["truth"].take(),
+            "residuals": main["residuals"].take(),
+        });
         for each in &self.failed {
             let Some(assessment) = &each.assessment else {
                 continue;
@@ -259,9 +252,9 @@ impl RunOutcome {
         // errors are those of the identification.
         let all = [
             first,
-            serde_json::to_value(&main.test_poses[0])?,
-            assessment_json(scenario, assessment),
-            serde_json::to_value(&main.identification)?,
+            main["test_poses"][0].take(),
+            main["assessment"].take(),
+            main["identification"].take(),
             json!(basis(scenario)),
             keys,
             serde_json::to_value(&self.evidence)?,
@@ -276,7 +269,9 @@ pub struct AbsoluteRun<'a> {
     /// How many searches for the plan there were, and how many ended within 0.1 %.
     pub searches: [usize; 2],
     /// The run of the plan: readings each by itself, the simulated truth, what was identified, and what that achieves.
-    pub record: ReadingsRunMessage,
+    pub record: RunMessage,
+    /// What was read.
+    pub readings: Vec<AbsoluteReading>,
     /// What was identified.
     pub identified: IdentifiedRobot<'a>,
     /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
@@ -359,8 +354,9 @@ pub fn run_absolute<'a>(
             (&robots, RUN),
             ("optimal", plan),
             (case, fit, &poses),
-            readings,
+            readings.clone(),
         ),
+        readings,
         carried_out: did.off_by([&before_m, &after_m]),
         identified,
         poses,
@@ -411,7 +407,7 @@ pub fn replay_readings(
     studied: &StudiedReadings<'_>,
     seed: u64,
     number: u64,
-) -> anyhow::Result<(ReadingsRunMessage, CarriedOut)> {
+) -> anyhow::Result<(RunMessage, CarriedOut)> {
     let (task, belief) = (&setting.task, &setting.task.belief);
     let runs = ReadingRuns::new(setting, studied)?;
     let mut robots = runs.robots()?;
@@ -435,29 +431,37 @@ pub fn replay_readings(
 fn record(
     scenario: &Scenario,
     (robots, number): (&TrueRobots, u64),
-    (name, plan): (&str, Vec<PlannedReadingMessage>),
+    (name, plan): (&str, Vec<PlanRowMessage>),
     (case, fit, poses): (&AbsoluteCase<'_>, &AbsoluteFit, &[CompensatedPose]),
     readings: Vec<AbsoluteReading>,
-) -> ReadingsRunMessage {
+) -> RunMessage {
     let belief = &scenario.task.belief;
     let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
     let pose = |pose| TestPoseMessage::new(&commands, pose);
     let mut conditions = fit.conditions();
     conditions.extend(pose_conditions(belief, poses));
-    ReadingsRunMessage {
+    RunMessage {
         name: name.to_owned(),
-        conditions,
         plan,
-        truth: TruthMessage::new(joints, &robots.sampled(number)),
-        true_values: true_values(scenario, robots, fit),
-        identification: AbsoluteMessage::new(case, fit),
+        measured: MeasuredMessage::Readings {
+            measurements: readings,
+            identification: Box::new(AbsoluteMessage::new(case, fit)),
+        },
+        truth: TruthMessage {
+            unknowns: Some(true_unknowns(scenario, robots, fit)),
+            ..TruthMessage::new(joints, &robots.sampled(number))
+        },
         test_poses: poses.iter().map(pose).collect(),
-        readings,
+        conditions,
     }
 }
 
 /// The true quantities of what was identified, in this run.
-fn true_values(scenario: &Scenario, robots: &TrueRobots, fit: &AbsoluteFit) -> Vec<Option<f64>> {
+fn true_unknowns(
+    scenario: &Scenario,
+    robots: &TrueRobots,
+    fit: &AbsoluteFit,
+) -> Vec<TrueUnknownMessage> {
     let belief = &scenario.task.belief;
     // Of another model than the nominal one a run says compliances alone. Zeros that are left out as redundant are in the frames,
     // and with links in these, too.
@@ -473,7 +477,11 @@ fn true_values(scenario: &Scenario, robots: &TrueRobots, fit: &AbsoluteFit) -> V
         kind if !is_said || kind.is_mounted() => None,
         _ => Some(parameter.quantity(&fit.reference, robots.value(belief, parameter))),
     };
-    fit.set.parameters().iter().map(value).collect()
+    let unknown = |parameter: &Parameter| TrueUnknownMessage {
+        name: parameter.name.clone(),
+        value: value(parameter),
+    };
+    fit.set.parameters().iter().map(unknown).collect()
 }
 
 impl AbsoluteRun<'_> {
@@ -495,7 +503,7 @@ impl AbsoluteRun<'_> {
     ) -> serde_json::Result<Value> {
         let identification = self.identified.json(scenario, provenance, groups)?;
         let [before_mm, after_mm] = rms_m(&self.poses).map(|value| value * 1e3);
-        let mut own = self.record.json()?;
+        let mut own = serde_json::to_value(&self.record)?;
         own["assessment"] = json!(plan);
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the unknowns are those of the
         // identification.

@@ -597,7 +597,9 @@ fn recordings_show_what_each_instrument_reads() {
     assert_eq!(noise.standard_uncertainty, None);
     let both = "is 0.03 mm of a coordinate and 0.00501 mm of the gauge";
     assert_eq!(noise.remark.as_deref(), Some(both));
-    let shown = CarriedOutPlan::Deflections("plan".to_owned(), Box::new(found.clone()));
+    let (task, truth) = (&scenario.task, &scenario.truth);
+    let shown = CarriedOutPlan::of_deflections(task, truth, seed, "plan", &found);
+    let shown = shown.expect("it works");
     let recording = Recording::new(&scenario, &[shown]).expect("it works");
     let place = Workplace::new();
     write_mcap(&place.path("run.mcap"), &recording).expect("written");

@@ -30,9 +30,9 @@ fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
     let calibrations: Vec<CarriedOutPlan> = plans
         .iter()
         .map(|(name, plan)| {
-            let calibration = calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, 0)
-                .expect("everything can be measured");
-            CarriedOutPlan::Deflections((*name).to_owned(), Box::new(calibration))
+            let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+            let made = calibrate(task, truth, plan, seed, 0).expect("everything can be measured");
+            CarriedOutPlan::of_deflections(task, truth, seed, name, &made).expect("it works")
         })
         .collect();
     Recording::new(scenario, &calibrations).expect("what was measured can be recorded")

@@ -2,7 +2,7 @@
 
 use elastocal::calibration::{Calibration, calibrate};
 use elastocal::plan::Plan;
-use elastocal::record::messages::CalibrationMessage;
+use elastocal::record::run::{MeasuredMessage, RunMessage};
 use elastocal::scenario::Scenario;
 use elastocal::view::recording::{CarriedOutPlan, Recording, StepKind};
 use nalgebra::Vector3;
@@ -33,11 +33,13 @@ fn runs(scenario: &Scenario, plan: &Plan) -> Vec<Calibration> {
 fn held(scenario: &Scenario, runs: &[Calibration]) -> Vec<(String, u64)> {
     let mut held: Vec<(String, u64)> = Vec::new();
     for run in runs {
-        let record = CalibrationMessage::new(&scenario.task.belief, "plan", run);
-        let identified = &record.identification;
-        let all = identified.parameters.iter().enumerate();
+        let record = RunMessage::of_deflections(&scenario.task.belief, "plan", run);
+        let MeasuredMessage::Deflections { identification, .. } = &record.measured else {
+            panic!("deflections were measured");
+        };
+        let all = identification.parameters.iter().enumerate();
         for (index, name) in all {
-            let [low, high] = identified.compliance_ci95_rad_per_nm[index].expect("determined");
+            let [low, high] = identification.compliance_ci95_rad_per_nm[index].expect("determined");
             let truth = record.truth.compliance_rad_per_nm[index];
             if held.len() == index {
                 held.push((name.clone(), 0));
@@ -107,14 +109,9 @@ fn a_recording_shows_the_deflections_of_its_run() {
     let mut plan = table4(3);
     plan.experiments[1].repeats = 2;
     let run = calibrate(&scenario.task, &scenario.truth, &plan, scenario.seed, 0).expect("works");
-    let recording = Recording::new(
-        &scenario,
-        &[CarriedOutPlan::Deflections(
-            "plan".to_owned(),
-            Box::new(run.clone()),
-        )],
-    )
-    .expect("works");
+    let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
+    let shown = CarriedOutPlan::of_deflections(task, truth, seed, "plan", &run).expect("works");
+    let recording = Recording::new(&scenario, &[shown]).expect("works");
     for step in &recording.calibrations[0].steps {
         match &step.kind {
             StepKind::Experiment { measurements, .. } => {

@@ -4,7 +4,7 @@ use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
 use crate::view::card::Card;
-use crate::view::report::{ABSOLUTE_ACCURACY, StudyPageRecord, best_cards, study_page};
+use crate::view::report::{ABSOLUTE_ACCURACY, best_cards, study_page};
 use crate::view::tables;
 use crate::workflow::study::{Timing, plan_messages, study_json};
 
@@ -114,12 +114,8 @@ impl Results {
         if self.header.is_swept() {
             return Ok(None);
         }
-        let page = study_page(&StudyPageRecord {
-            header: &self.header,
-            plans: &self.messages,
-            conditions: &self.conditions(),
-            command: &command_line(),
-        })?;
+        let (header, plans, conditions) = (&self.header, &self.messages, self.conditions());
+        let page = study_page(header, plans, &conditions, &command_line())?;
         Ok(Some(page))
     }
 }

@@ -132,13 +132,13 @@ pub fn carried_out(
         EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
         EntryKind::RandomEach => random_plan(task, setting.conditions.experiments, seed, run)?,
         EntryKind::Readings(readings) => {
-            let (record, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
-            return Ok(CarriedOutPlan::Readings(Box::new(record), did));
+            let (run, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
+            return Ok(CarriedOutPlan { run, did });
         }
     };
-    let calibration = calibrate(task, setting.truth, &plan, seed, run)?;
-    Ok(CarriedOutPlan::Deflections(
-        name.to_owned(),
-        Box::new(calibration),
-    ))
+    let truth = setting.truth;
+    let made = calibrate(task, truth, &plan, seed, run)?;
+    Ok(CarriedOutPlan::of_deflections(
+        task, truth, seed, name, &made,
+    )?)
 }

@@ -22,13 +22,16 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::recording::{PlanRecord, RecordedCalibration, Recording, Stance, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
 use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::laboratory::Costs;
-use crate::record::absolute_plan::{ReadingsRunMessage, quaternion};
+use crate::measurement::AbsoluteReading;
 use crate::record::length::LengthField;
-use crate::record::messages::{MeasurementMessage, ProvenanceMessage, thousandfold};
+use crate::record::messages::{
+    MeasurementMessage, PlanRowMessage, ProvenanceMessage, thousandfold,
+};
+use crate::record::run::{MeasuredMessage, quaternion};
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -40,7 +43,6 @@ const STEPS: Topic = Topic("/steps", "elastocal.Step");
 const MEASUREMENTS: Topic = Topic("/measurements", "elastocal.Measurement");
 const IDENTIFICATION: Topic = Topic("/identification", "elastocal.Identification");
 // Topics have one type each: a file is of deflections or of absolute readings.
-const READINGS_PLAN: Topic = Topic("/plan", "elastocal.ReadingsPlan");
 const READINGS: Topic = Topic("/measurements", "elastocal.Reading");
 const IDENTIFIED_READINGS: Topic = Topic("/identification", "elastocal.IdentifiedReadings");
 const TEST_POSES: Topic = Topic("/test_poses", "elastocal.TestPose");
@@ -61,9 +63,9 @@ struct OfPlan<'a, T> {
 
 /// A plan.
 #[derive(Debug, Serialize, JsonSchema)]
-struct PlanRows<'a, T> {
+struct PlanRows<'a> {
     /// The experiments, or the rows of absolute readings.
-    plan: &'a [T],
+    plan: &'a [PlanRowMessage],
 }
 
 /// What was identified with a plan.
@@ -83,7 +85,7 @@ struct IdentifiedReadings<'a> {
     #[serde(flatten)]
     identification: &'a AbsoluteMessage,
     /// The simulated truth of the unknowns in this run, in their order; null where a run does not say it.
-    true_values: &'a [Option<f64>],
+    true_values: Vec<Option<f64>>,
 }
 
 /// An absolute reading in its place in the plan.
@@ -214,17 +216,8 @@ impl<W: Write + Seek> Channels<W> {
         let start = Duration::ZERO;
         self.write(&PROVENANCE, start, &recording.provenance)?;
         for each in &recording.calibrations {
-            let name = each.record.name();
-            match &each.record {
-                PlanRecord::Deflections(record) => {
-                    let plan = &record.plan;
-                    self.write_of(&PLAN, start, name, PlanRows { plan })?;
-                }
-                PlanRecord::Readings(record) => {
-                    let plan = &record.plan;
-                    self.write_of(&READINGS_PLAN, start, name, PlanRows { plan })?;
-                }
-            }
+            let plan = &each.record.plan;
+            self.write_of(&PLAN, start, &each.record.name, PlanRows { plan })?;
         }
         if recording.shows_robot() {
             self.draw(SCENE, start, &scene::scenery(recording, start))?;
@@ -258,7 +251,7 @@ impl<W: Write + Seek> Channels<W> {
                     displacement_mm: thousandfold(&step.displacement_m()),
                     enlargement: step.enlargement,
                 };
-                self.write_of(&STEPS, now, calibration.record.name(), record)?;
+                self.write_of(&STEPS, now, &calibration.record.name, record)?;
                 self.draw(TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
                 self.draw(SCENE, now, &annotations)?;
@@ -291,25 +284,32 @@ impl<W: Write + Seek> Channels<W> {
         for (repeat, index) in (1..).zip(measurements.clone()) {
             now += minutes(costs.reading_min);
             let read = |vector_mm| all.as_read(index, vector_mm).unwrap_or_default();
-            let record = match all {
-                PlanRecord::Deflections(record) => record,
-                PlanRecord::Readings(record) => {
-                    let place = (number, repeat, index);
-                    let reading = reading_record(record, place, read);
-                    self.write_of(&READINGS, now, all.name(), reading)?;
+            let (measurements, found) = match &all.measured {
+                MeasuredMessage::Deflections {
+                    measurements,
+                    identification,
+                    ..
+                } => (measurements, identification),
+                MeasuredMessage::Readings {
+                    measurements,
+                    identification,
+                } => {
+                    let found = (&measurements[index], &**identification);
+                    let reading = reading_record(found, (number, repeat, index), read);
+                    self.write_of(&READINGS, now, &all.name, reading)?;
                     continue;
                 }
             };
-            let Some(mut measurement) = record.measurements.get(index).cloned() else {
+            let Some(mut measurement) = measurements.get(index).cloned() else {
                 break;
             };
             let displacement_mm;
             (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
             let is_along = measurement.direction.is_some();
             let own_mm = measurement.deflection_std_mm.take_if(|_| is_along);
-            let true_deflection_mm = record.truth.deflections_mm.get(index).copied();
+            let true_deflection_mm = all.truth.deflections_mm.get(index).copied();
             let (residual_mm, displacement_residual_mm) =
-                read(record.identification.residuals_mm.get(index).copied());
+                read(found.residuals_mm.get(index).copied());
             let message = MeasurementRecord {
                 experiment: *number,
                 repeat,
@@ -321,7 +321,7 @@ impl<W: Write + Seek> Channels<W> {
                 residual_mm,
                 displacement_residual_mm,
             };
-            self.write_of(&MEASUREMENTS, now, all.name(), message)?;
+            self.write_of(&MEASUREMENTS, now, &all.name, message)?;
         }
         Ok(now)
     }
@@ -333,24 +333,25 @@ impl<W: Write + Seek> Channels<W> {
         now: Duration,
     ) -> Result<(), McapError> {
         let all = &calibration.record;
-        match all {
-            PlanRecord::Deflections(record) => {
+        match &all.measured {
+            MeasuredMessage::Deflections { identification, .. } => {
                 let identification = IdentificationRecord {
-                    identification: &record.identification,
-                    true_compliance_rad_per_nm: &record.truth.compliance_rad_per_nm,
+                    identification,
+                    true_compliance_rad_per_nm: &all.truth.compliance_rad_per_nm,
                 };
-                self.write_of(&IDENTIFICATION, now, all.name(), identification)?;
+                self.write_of(&IDENTIFICATION, now, &all.name, identification)?;
             }
-            PlanRecord::Readings(record) => {
+            MeasuredMessage::Readings { identification, .. } => {
+                let unknowns = all.truth.unknowns.iter().flatten();
                 let identification = IdentifiedReadings {
-                    identification: &record.identification,
-                    true_values: &record.true_values,
+                    identification,
+                    true_values: unknowns.map(|each| each.value).collect(),
                 };
-                self.write_of(&IDENTIFIED_READINGS, now, all.name(), identification)?;
+                self.write_of(&IDENTIFIED_READINGS, now, &all.name, identification)?;
             }
         }
-        for pose in all.test_poses() {
-            self.write_of(&TEST_POSES, now, all.name(), pose)?;
+        for pose in &all.test_poses {
+            self.write_of(&TEST_POSES, now, &all.name, pose)?;
         }
         Ok(())
     }
@@ -440,13 +441,12 @@ fn minutes(count: f64) -> Duration {
 
 /// A reading of a row of a plan.
 fn reading_record<'a>(
-    record: &'a ReadingsRunMessage,
+    (reading, identification): (&'a AbsoluteReading, &AbsoluteMessage),
     (row, repeat, index): (&usize, usize, usize),
     as_read: impl Fn(Option<[f64; 3]>) -> (Option<[f64; 3]>, Option<f64>),
 ) -> ReadingRecord<'a> {
-    let reading = &record.readings[index];
     let (position_mm, _) = as_read(Some(thousandfold(&reading.position_m)));
-    let residual_mm = record.identification.residuals_mm.get(index).copied();
+    let residual_mm = identification.residuals_mm.get(index).copied();
     let (residual_mm, length_residual_mm) = as_read(residual_mm);
     ReadingRecord {
         row: *row,
@@ -457,7 +457,7 @@ fn reading_record<'a>(
         quaternion: quaternion(reading),
         length: LengthField(reading.length),
         residual_mm,
-        rotation_residual_mrad: record.identification.rotation_residual_mrad(index),
+        rotation_residual_mrad: identification.rotation_residual_mrad(index),
         length_residual_mm,
     }
 }

@@ -135,7 +135,7 @@ pub(super) fn annotations(
     let mut entities: Vec<SceneEntity> = drawn.iter().map(|each| drawing(each, now)).collect();
     let title = format!(
         "{}: {}; joint deflections enlarged {} times",
-        calibration.record.name(),
+        calibration.record.name,
         calibration.title(step),
         step.enlargement
     );

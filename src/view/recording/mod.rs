@@ -6,7 +6,6 @@ mod bodies;
 mod record;
 mod steps;
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use nalgebra::{DVector, Isometry3, Vector3};
@@ -14,15 +13,16 @@ use nalgebra::{DVector, Isometry3, Vector3};
 use crate::calibration::{Calibration, CalibrationError};
 use crate::laboratory::Costs;
 use crate::mujoco::Mesh;
-use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::record::messages::{CalibrationMessage, ProvenanceMessage};
+use crate::record::messages::ProvenanceMessage;
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::robot::{Commands, Load};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOut;
+use crate::task::Task;
+use crate::testbed::Truth;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
-pub use record::PlanRecord;
 use steps::{Stage, enlarge};
 
 /// The eye is so many times as far away as what it sees is large.
@@ -82,18 +82,18 @@ pub enum ShownTool {
 
 /// A plan as it was carried out, to be recorded.
 #[derive(Debug, Clone)]
-pub enum CarriedOutPlan {
-    /// Of deflections, under its name.
-    Deflections(String, Box<Calibration>),
-    /// Of absolute readings, with what the robot did.
-    Readings(Box<ReadingsRunMessage>, CarriedOut),
+pub struct CarriedOutPlan {
+    /// Plan, readings and results.
+    pub run: RunMessage,
+    /// What the robot did.
+    pub did: CarriedOut,
 }
 
 /// One calibration with what the robot did.
 #[derive(Debug, Clone)]
 pub struct RecordedCalibration {
     /// Plan, readings and results.
-    pub record: PlanRecord,
+    pub record: RunMessage,
     /// How the robot is commanded.
     pub commands: Commands,
     /// The unit of the compliances as they are shown.
@@ -193,18 +193,37 @@ impl Step {
     }
 }
 
+impl CarriedOutPlan {
+    /// A plan of deflections under a name, as the robot of a calibration's run under a seed carried it out.
+    ///
+    /// # Errors
+    /// See [`CalibrationError`]; none that the calibration did not have already.
+    pub fn of_deflections(
+        task: &Task,
+        truth: &Truth,
+        seed: u64,
+        name: &str,
+        calibration: &Calibration,
+    ) -> Result<Self, CalibrationError> {
+        Ok(Self {
+            run: RunMessage::of_deflections(&task.belief, name, calibration),
+            did: CarriedOut::of_deflections(task, truth, seed, calibration)?,
+        })
+    }
+}
+
 impl RecordedCalibration {
     /// What a step is, for people.
     pub fn title(&self, step: &Step) -> String {
         match &step.kind {
             StepKind::Experiment { number, .. } => self.record.row_title(*number),
             StepKind::TestPose { index, compensated } => {
-                let name = &self.record.test_poses()[*index].name;
-                let how = match (&self.record, compensated) {
-                    (PlanRecord::Deflections(_), true) => "compensated",
-                    (PlanRecord::Deflections(_), false) => "not compensated",
-                    (PlanRecord::Readings(_), true) => "by the identified robot",
-                    (PlanRecord::Readings(_), false) => "by the nominal robot",
+                let name = &self.record.test_poses[*index].name;
+                let how = match (&self.record.measured, compensated) {
+                    (MeasuredMessage::Deflections { .. }, true) => "compensated",
+                    (MeasuredMessage::Deflections { .. }, false) => "not compensated",
+                    (MeasuredMessage::Readings { .. }, true) => "by the identified robot",
+                    (MeasuredMessage::Readings { .. }, false) => "by the nominal robot",
                 };
                 format!("test pose {name:?}, {how}")
             }
@@ -223,22 +242,11 @@ impl Recording {
         let mut stage = Stage::new(scenario, &links);
         let mut calibrations = Vec::new();
         for plan in plans {
-            let (record, did) = match plan {
-                CarriedOutPlan::Deflections(name, calibration) => {
-                    let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
-                    let did = CarriedOut::of_deflections(task, truth, seed, calibration)?;
-                    let record = CalibrationMessage::new(belief, name, calibration);
-                    (PlanRecord::Deflections(Box::new(record)), Cow::Owned(did))
-                }
-                CarriedOutPlan::Readings(record, did) => {
-                    (PlanRecord::Readings(record.clone()), Cow::Borrowed(did))
-                }
-            };
             calibrations.push(RecordedCalibration {
-                record,
+                record: plan.run.clone(),
                 commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
-                steps: stage.steps(&did),
+                steps: stage.steps(&plan.did),
             });
         }
         for tool in [ShownTool::Calibration, ShownTool::Machining] {

@@ -1,20 +1,9 @@
 //! What was planned, read and identified, as recordings show it.
 
 use nalgebra::Vector3;
-use serde_json::Value;
 
-use crate::record::absolute_plan::ReadingsRunMessage;
-use crate::record::messages::{CalibrationMessage, TestPoseMessage};
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::text::wording::naming;
-
-/// Plan, readings and results.
-#[derive(Debug, Clone)]
-pub enum PlanRecord {
-    /// Of deflections.
-    Deflections(Box<CalibrationMessage>),
-    /// Of absolute readings.
-    Readings(Box<ReadingsRunMessage>),
-}
 
 /// A vector of one reading as far as it is known.
 #[derive(Debug, Clone, Copy)]
@@ -29,72 +18,32 @@ pub struct ShownVector {
     pub along_mm: Option<f64>,
 }
 
-impl PlanRecord {
-    /// The plan's name.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Deflections(record) => &record.name,
-            Self::Readings(record) => &record.name,
-        }
-    }
-
-    /// The record as JSON.
-    pub fn json(&self) -> serde_json::Result<Value> {
-        match self {
-            Self::Deflections(record) => serde_json::to_value(record),
-            Self::Readings(record) => record.json(),
-        }
-    }
-
-    /// How many rows the plan has.
-    pub const fn planned(&self) -> usize {
-        match self {
-            Self::Deflections(record) => record.plan.len(),
-            Self::Readings(record) => record.plan.len(),
-        }
-    }
-
+impl RunMessage {
     /// How often something was read.
-    pub const fn measured(&self) -> usize {
-        match self {
-            Self::Deflections(record) => record.measurements.len(),
-            Self::Readings(record) => record.readings.len(),
-        }
-    }
-
-    /// What is achieved at each test pose.
-    pub fn test_poses(&self) -> &[TestPoseMessage] {
-        match self {
-            Self::Deflections(record) => &record.test_poses,
-            Self::Readings(record) => &record.test_poses,
+    pub const fn readings(&self) -> usize {
+        match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => measurements.len(),
+            MeasuredMessage::Readings { measurements, .. } => measurements.len(),
         }
     }
 
     /// What a row of the plan, numbered from 1, is.
     pub fn row_title(&self, number: usize) -> String {
-        let rows = self.planned();
-        let Self::Readings(record) = self else {
+        let rows = self.plan.len();
+        let row = self.plan.get(number - 1);
+        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
             return format!("experiment {number} of {rows}");
         };
-        let row = record.plan.get(number - 1);
-        let target = naming(row.and_then(|row| row.target.as_ref()), ": {}");
-        let station = naming(row.and_then(|row| row.station.as_ref()), " from {}");
+        let target = naming(&reads.target, ": {}");
+        let station = naming(&reads.station, " from {}");
         format!("row {number} of {rows}{target}{station}")
-    }
-
-    /// The direction of a gauge in a row of the plan.
-    pub fn direction(&self, row: usize) -> Option<[f64; 3]> {
-        match self {
-            Self::Deflections(record) => record.plan.get(row)?.direction,
-            Self::Readings(_) => None,
-        }
     }
 
     /// The group of curves of what was read, and its name.
     pub const fn curves(&self) -> [&'static str; 2] {
-        match self {
-            Self::Deflections(_) => ["deflection_mm", "deflections [mm]"],
-            Self::Readings(_) => ["reading_mm", "readings [mm]"],
+        match self.measured {
+            MeasuredMessage::Deflections { .. } => ["deflection_mm", "deflections [mm]"],
+            MeasuredMessage::Readings { .. } => ["reading_mm", "readings [mm]"],
         }
     }
 
@@ -102,30 +51,40 @@ impl PlanRecord {
     /// what identification leaves of it; of poses the orientation, too.
     pub fn shown(&self, index: usize) -> Vec<ShownVector> {
         let [group, _] = self.curves();
-        let (label, true_mm, read_mm, residuals_mm) = match self {
-            Self::Deflections(record) => (
+        let (label, read_mm, residuals_mm) = match &self.measured {
+            MeasuredMessage::Deflections {
+                measurements,
+                identification,
+                ..
+            } => (
                 "measured [mm]",
-                record.truth.deflections_mm.get(index).copied(),
-                (record.measurements.get(index)).and_then(|each| each.deflection_mm),
-                &record.identification.residuals_mm,
+                (measurements.get(index)).and_then(|each| each.deflection_mm),
+                &identification.residuals_mm,
             ),
-            Self::Readings(record) => (
+            MeasuredMessage::Readings {
+                measurements,
+                identification,
+            } => (
                 "read [mm]",
-                None,
-                (record.readings.get(index)).map(|each| (each.position_m * 1e3).into()),
-                &record.identification.residuals_mm,
+                (measurements.get(index)).map(|each| (each.position_m * 1e3).into()),
+                &identification.residuals_mm,
             ),
         };
+        let true_mm = self.truth.deflections_mm.get(index).copied();
         let residual_mm = residuals_mm.get(index).copied();
         let mut vectors = vec![
             ("true deflection [mm]", None, true_mm),
             (label, Some(group), read_mm),
             ("residual [mm]", Some("residual_mm"), residual_mm),
         ];
-        if let Self::Readings(record) = self {
-            let read = record.readings.get(index).and_then(|each| each.rotation);
+        if let MeasuredMessage::Readings {
+            measurements,
+            identification,
+        } = &self.measured
+        {
+            let read = measurements.get(index).and_then(|each| each.rotation);
             let read_mrad = read.map(|turned| (turned.scaled_axis() * 1e3).into());
-            let residual_mrad = record.identification.rotation_residual_mrad(index);
+            let residual_mrad = identification.rotation_residual_mrad(index);
             vectors.push(("read, rotation [mrad]", None, read_mrad));
             vectors.push(("rotation residual [mrad]", None, residual_mrad));
         }
@@ -148,16 +107,13 @@ impl PlanRecord {
         vector_mm: Option<[f64; 3]>,
     ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
         let vector_mm = vector_mm?;
-        let along = match self {
-            Self::Deflections(record) => {
-                let direction = record
-                    .measurements
-                    .get(index)
-                    .and_then(|each| each.direction);
+        let along = match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => {
+                let direction = measurements.get(index).and_then(|each| each.direction);
                 direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
             }
-            Self::Readings(record) => {
-                let length = record.readings.get(index).and_then(|each| each.length);
+            MeasuredMessage::Readings { measurements, .. } => {
+                let length = measurements.get(index).and_then(|each| each.length);
                 length.map(|_| vector_mm[0])
             }
         };

@@ -2,16 +2,15 @@
 
 use serde_json::{Value, json};
 
+use super::PlanPage;
 use super::cards::{conditions_card, readings_cards, verdict_card};
 use super::distances::{distances_figure, lines, numbers};
 use super::test_poses::test_poses;
-use super::{PlanPage, PlanRow};
-use crate::observation::LengthKind;
+use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
-use crate::text::wording::dash;
 use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page, micro_sign};
 use crate::view::tables::{self, RecordTable};
@@ -51,10 +50,8 @@ pub fn absolute_page(
         let poses = &scenario.task.test_poses;
         test_poses(poses, &predicted_mm, plan.rho0_mm, observed)
     });
-    let own = &scenario.task.belief.calibration_tool.name;
-    let (columns, rows) = rows(plan, own);
     let budget = plan.uncertainty_budget.as_ref();
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), (&columns, rows));
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), &plan.plan);
     let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
     let unknowns = json!({ "table": unknowns(&plan.unknowns), "has_logarithms": has_logarithms });
     let json = json!({
@@ -82,34 +79,6 @@ fn of_trials(trials: &RobotTrials) -> Value {
     })
 }
 
-/// The rows of a plan, with their name and the names of their own columns; `own` is the target that rows without one read.
-fn rows<'a>(plan: &'a AbsolutePlanMessage, own: &str) -> (String, Vec<PlanRow<'a>>) {
-    let is_read = |kind: &LengthKind| {
-        let mut lengths = plan.plan.iter().filter_map(|reading| reading.length.0);
-        lengths.any(|length| length.kind == *kind)
-    };
-    let kinds: Vec<LengthKind> = LengthKind::ALL.into_iter().filter(is_read).collect();
-    let rows = plan.plan.iter().map(|reading| {
-        let mut cells = vec![
-            reading.target.as_deref().unwrap_or(own).to_owned(),
-            reading.station.clone().unwrap_or_else(dash),
-            reading.repeats.to_string(),
-        ];
-        cells.extend(kinds.iter().map(|&kind| {
-            let length = reading.length.0.filter(|length| length.kind == kind);
-            length.map_or_else(dash, |length| format!("{:.3}", length.length_m * 1e3))
-        }));
-        PlanRow {
-            q_deg: &reading.q_deg,
-            wrench: reading.wrench.as_ref(),
-            own: cells,
-        }
-    });
-    let columns = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
-    let columns = "row | reflector | station | times".to_owned() + &columns.collect::<String>();
-    (columns, rows.collect())
-}
-
 /// All unknowns, with how well each is known afterwards.
 fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
     let rows = unknowns.iter().map(|unknown| {
@@ -131,13 +100,13 @@ fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
 
 /// What was identified, beside the simulated truth.
 fn identified(run: &AbsoluteRun<'_>) -> Value {
-    let found = &run.record.identification;
+    let found = AbsoluteMessage::new(&run.identified.case, &run.identified.fit);
     json!({
         "number": RUN,
         "readings": found.readings,
         "left_out": found.left_out,
         "distance_mm": found.distance_mm,
         "discrepancy_mm": found.discrepancy_mm,
-        "table": tables::unknowns(&run.record),
+        "table": tables::unknowns(&found, &run.record.truth),
     })
 }

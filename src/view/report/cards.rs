@@ -53,8 +53,9 @@ pub fn readings_cards(plan: &AbsolutePlanMessage, run: Option<&AbsoluteRun<'_>>)
     let rows = || plan.plan.iter();
     let configurations = each_once(rows().map(|row| &row.q_deg)).len();
     let loaded = rows().filter(|row| row.wrench.is_some()).count();
-    let targets = each_once(rows().filter_map(|row| row.target.as_ref()));
-    let stations = each_once(rows().filter_map(|row| row.station.as_ref()));
+    let reads = || rows().filter_map(|row| row.reads.as_ref());
+    let targets = each_once(reads().filter_map(|reads| reads.target.as_ref()));
+    let stations = each_once(reads().filter_map(|reads| reads.station.as_ref()));
     let readings = counted(plan.experiments.into(), "reading");
     let about = format!(
         "{loaded} of {} under a load.{}{}",
@@ -241,9 +242,13 @@ pub(super) fn checks_card(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Card {
         .map(|plan| &plan.record.name);
     let words = " Of the plans beside it, {} keep not all of them.";
     let of_others = naming(violating, words);
-    let found = &outcome.tried[0].record.identification;
-    let values = found.parameters.iter().zip(&found.compliance_rad_per_nm);
-    let unknown = values.filter_map(|(name, value)| value.is_none().then_some(name));
+    let found = outcome.tried[0]
+        .calibration
+        .identification
+        .parameters
+        .iter();
+    let unknown = found.filter(|each| each.estimate.is_none());
+    let unknown = unknown.map(|each| &each.name);
     let unknown = naming(unknown, "the plan does not determine the compliance of {}");
     let (tone, answer, determined) = match (&*unknown, &*of_others) {
         ("", "") => ("good", "all hold", ALL_DETERMINED),

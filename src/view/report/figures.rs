@@ -1,9 +1,10 @@
 //! The figures of a calibration's report.
 
+use crate::identification::IdentificationMessage;
 use crate::numeric::quantile::TWO_SIDED_95;
 use crate::plan::search::BudgetPoint;
 use crate::record::evidence::EvidenceMessage;
-use crate::record::messages::CalibrationMessage;
+use crate::record::messages::TruthMessage;
 use crate::text::wording::{listed, percent};
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, Series, WHOLE, middle,
@@ -73,12 +74,11 @@ pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) 
 }
 
 /// The identified compliances with their 95 % intervals, relative to the simulated truth.
-pub fn compliances_figure(calibration: &CalibrationMessage) -> String {
-    let found = &calibration.identification;
+pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -> String {
     // The estimate less the truth, over the truth (%), between the ends of its interval.
     let errors = found.compliance_rad_per_nm.iter().enumerate();
     let errors = errors.map(|(index, value)| {
-        let truth = calibration.truth.compliance_rad_per_nm.get(index)?;
+        let truth = truth.compliance_rad_per_nm.get(index)?;
         let [low, high] = found.compliance_ci95_rad_per_nm[index]?;
         Some([low, (*value)?, high].map(|value| 100.0 * (value / truth - 1.0)))
     });

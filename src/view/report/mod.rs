@@ -10,6 +10,7 @@ mod absolute;
 mod cards;
 mod distances;
 mod figures;
+mod plan_rows;
 mod study;
 mod test_poses;
 
@@ -18,23 +19,26 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use super::card::Card;
-use super::markup::{PageError, Templates, unbroken};
-use super::tables::{self, RecordTable};
+use super::markup::{PageError, Templates};
+use super::tables;
+use crate::calibration::Calibration;
 use crate::codes::Condition;
-use crate::identification::{MeasurementResidual, ParameterGroup};
+use crate::identification::{IdentificationMessage, MeasurementResidual, ParameterGroup};
+use crate::measurement::Measurement;
 use crate::plan::UncertaintyBudget;
-use crate::record::messages::{CalibrationMessage, MeasurementMessage, ProvenanceMessage};
+use crate::record::messages::{PlanRowMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
-use crate::text::wording::{dash, joined, listed, micrometres, number, shell_path};
+use crate::text::wording::{joined, micrometres, shell_path};
 use crate::workflow::run::RunOutcome;
 use cards::checks_card;
 use distances::{distances_figure, lines, numbers};
 use figures::{accuracy_figure, compliances_figure, residuals_figure};
+use plan_rows::plan_rows;
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
 pub use cards::{readings_cards, run_cards};
-pub use study::{StudyPageRecord, best_cards, study_page};
+pub use study::{best_cards, study_page};
 
 /// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]
@@ -56,25 +60,15 @@ pub struct PlanPage<'a> {
 }
 
 impl PlanPage<'_> {
-    /// What it shows: cards, the budget where it has more than the instrument's noise, what is at each test pose, and the plan's rows;
-    /// `own` names the rows and the columns that follow angles and load.
+    /// What it shows: cards, the budget where it has more than the instrument's noise, what is at each test pose, and the plan's rows.
     fn shown(
         &self,
         cards: &[Card],
         budget: Option<&UncertaintyBudget>,
         test_poses: Option<&Value>,
-        (own, rows): (&str, Vec<PlanRow<'_>>),
+        plan: &[PlanRowMessage],
     ) -> Value {
         let scenario = self.scenario;
-        let belief = &scenario.task.belief;
-        let (row, own) = own.split_once(" | ").unwrap_or((own, ""));
-        let columns = belief.commands().columns();
-        let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-        let angles = joined(angles, " | ");
-        let has_torque = rows.iter().any(PlanRow::has_torque);
-        let load = ["force [N]", "force [N] | torque [N m]"][usize::from(has_torque)];
-        let header = format!("{row} | {angles} | {load} | {own}");
-        let rows = (rows.into_iter().enumerate()).map(|(index, row)| row.cells(index, has_torque));
         json!({
             "name": scenario.name,
             "description": scenario.description,
@@ -85,8 +79,8 @@ impl PlanPage<'_> {
             "plan": shell_path(self.plan),
             "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
             "stills": self.stills,
-            "reads_along": belief.instrument.reads_along(),
-            "rows": RecordTable::new(&header, rows),
+            "reads_along": scenario.task.belief.instrument.reads_along(),
+            "rows": plan_rows(&scenario.task, plan),
             "provenance": self.provenance,
             "command": self.command,
         })
@@ -99,10 +93,10 @@ impl PlanPage<'_> {
 /// See [`PageError`].
 pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PageError> {
     let (scenario, evidence, own) = (shown.scenario, &outcome.evidence, &outcome.tried[0]);
-    let (calibration, assessment) = (&own.record, &own.assessment);
+    let (record, assessment) = (&own.record, &own.assessment);
     let mut cards = run_cards(scenario, outcome, own);
     cards.push(checks_card(shown, outcome));
-    let poses = &calibration.test_poses;
+    let poses = &record.test_poses;
     let rho0_mm = assessment.rho0_m.map(|value| value * 1e3);
     let test_poses = (poses.len() > 1).then(|| {
         let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
@@ -110,26 +104,27 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
         test_poses(&scenario.task.test_poses, &predicted_mm, rho0_mm, observed)
     });
     let budget = assessment.uncertainty_budget.as_ref();
-    let rows = rows(shown.scenario.task.reads_along(), calibration);
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), rows);
+    let page = shown.shown(&cards, budget, test_poses.as_ref(), &record.plan);
     // Random plans come last.
     let lines = lines(&evidence.study, |place, _| {
         place + 1 == evidence.study.len()
     });
     let belief = &scenario.task.belief;
     let unit = belief.compliance_unit("1e-6");
+    let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;
+    let found = IdentificationMessage::new(&own.calibration.identification, nominal_rad_per_nm);
     let shown = json!({
         "page": page,
         "experiments": assessment.experiments,
         "rho0_mm": rho0_mm,
         "evidence": evidence,
-        "calibration": calibration,
+        "calibration": record,
         "distances": { "figure": distances_figure(&lines), "table": numbers(&lines) },
         "compliances": {
-            "figure": compliances_figure(calibration),
-            "table": tables::compliances(calibration, &unit),
+            "figure": compliances_figure(&found, &record.truth),
+            "table": tables::compliances(&found, &record.truth, &unit),
         },
-        "residuals": residuals_figure(&standardised(calibration)),
+        "residuals": residuals_figure(&standardised(&own.calibration)),
         "both_sigmas": belief.instrument.both_sigmas(|value| micrometres(Some(value * 1e3))),
         "plans": tables::tried(&outcome.tried),
         "accuracy": accuracy_figure(evidence, assessment.experiments),
@@ -139,9 +134,9 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
 }
 
 /// Of each measurement the residual's coordinates over their standard deviations, and along a gauge.
-fn standardised(calibration: &CalibrationMessage) -> Vec<[Option<f64>; 4]> {
+fn standardised(calibration: &Calibration) -> Vec<[Option<f64>; 4]> {
     let residuals = calibration.residuals.iter().zip(&calibration.measurements);
-    let each = |(residual, measured): (&MeasurementResidual, &MeasurementMessage)| {
+    let each = |(residual, measured): (&MeasurementResidual, &Measurement)| {
         let value = |row: usize| residual.standardised.get(row).copied().flatten();
         match measured.direction {
             Some(_) => [None, None, None, value(0)],
@@ -149,50 +144,6 @@ fn standardised(calibration: &CalibrationMessage) -> Vec<[Option<f64>; 4]> {
         }
     };
     residuals.map(each).collect()
-}
-
-/// The rows of what is measured, with their name and the names of their own columns.
-fn rows(reads_along: bool, calibration: &CalibrationMessage) -> (&'static str, Vec<PlanRow<'_>>) {
-    let rows = calibration.plan.iter().map(|experiment| {
-        let along = reads_along.then(|| match experiment.direction {
-            Some(each) => unbroken(&listed(each, 4)),
-            None => "all coordinates".to_owned(),
-        });
-        let times = experiment.repeats.to_string();
-        PlanRow {
-            q_deg: &experiment.q_deg,
-            wrench: Some(&experiment.wrench),
-            own: along.into_iter().chain([times]).collect(),
-        }
-    });
-    let own = ["experiment | times", "experiment | read along | times"];
-    (own[usize::from(reads_along)], rows.collect())
-}
-
-/// A row of a plan: angles and load, where there is one, and cells of its own.
-struct PlanRow<'a> {
-    q_deg: &'a [f64],
-    wrench: Option<&'a [f64; 6]>,
-    own: Vec<String>,
-}
-
-impl PlanRow<'_> {
-    fn has_torque(&self) -> bool {
-        self.wrench.is_some_and(|wrench| wrench[3..] != [0.0; 3])
-    }
-
-    /// Its number, angles, force and, where some row has one, torque, and its own cells.
-    fn cells(self, index: usize, has_torque: bool) -> Vec<String> {
-        let mut row = vec![(index + 1).to_string()];
-        row.extend(self.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-        let halves = [(true, 0..3), (has_torque, 3..6)].into_iter();
-        for (_, half) in halves.filter(|(is_shown, _)| *is_shown) {
-            let vector = (self.wrench).map(|wrench| listed(wrench[half].iter().copied(), 4));
-            row.push(vector.map_or_else(dash, |vector| unbroken(&vector)));
-        }
-        row.extend(self.own);
-        row
-    }
 }
 
 /// What comes several times, once.

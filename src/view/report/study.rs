@@ -13,27 +13,18 @@ use crate::text::wording::{counted, inverse_interval, joined, micrometres, numbe
 use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page};
 
-/// What the page of a study is made of.
-#[derive(Debug, Clone, Copy)]
-pub struct StudyPageRecord<'a> {
-    /// The study, under one set of conditions.
-    pub header: &'a Header,
-    /// What the runs say.
-    pub plans: &'a [StudyPlanMessage],
-    /// What must be looked at.
-    pub conditions: &'a [Condition],
-    /// The command that made the page.
-    pub command: &'a str,
-}
-
-/// The page of a study as HTML.
+/// The page of a study under one set of conditions as HTML: what its runs say, what must be looked at, and the command that made it.
 ///
 /// # Errors
 /// See [`PageError`].
-pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
-    let header = study.header;
+pub fn study_page(
+    header: &Header,
+    plans: &[StudyPlanMessage],
+    conditions: &[Condition],
+    command: &str,
+) -> Result<String, PageError> {
     let reference = header.reference();
-    let lines = lines(study.plans, |_, runs| Some(&*runs.name) == reference);
+    let lines = lines(plans, |_, runs| Some(&*runs.name) == reference);
     let experiments = header.plans[0].conditions.experiments;
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise.",
@@ -42,7 +33,7 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
         counted(experiments.into(), header.accuracy().noun())
     );
     let shown = json!({
-        "cards": cards(study),
+        "cards": cards(header, plans, conditions),
         "caption": caption,
         "figures": {
             "means": means_figure(&lines),
@@ -50,9 +41,9 @@ pub fn study_page(study: &StudyPageRecord<'_>) -> Result<String, PageError> {
             "shares": shares_figure(&lines),
         },
         "numbers": numbers(&lines),
-        "sources": sources(study.plans),
+        "sources": sources(plans),
         "provenance_record": header.provenance,
-        "command": study.command,
+        "command": command,
     });
     let title = format!("{}: study", header.provenance.scenario);
     Templates::new()?.page(&title, "study.html", &shown)
@@ -124,16 +115,16 @@ pub fn best_cards(best: &StudyPlanMessage) -> Vec<Card> {
 }
 
 /// The best plan, how much better than random it is, and whether the prediction holds.
-fn cards(study: &StudyPageRecord<'_>) -> Vec<Card> {
-    let mut cards = vec![accuracy_card(study.header.accuracy())];
-    if let Some(best) = study.header.best(study.plans) {
+fn cards(header: &Header, plans: &[StudyPlanMessage], conditions: &[Condition]) -> Vec<Card> {
+    let mut cards = vec![accuracy_card(header.accuracy())];
+    if let Some(best) = header.best(plans) {
         cards.extend(best_cards(best));
         if let Some(verdict) = &best.verdict {
             let about = "Observed of the best plan beside what is predicted, with all error sources of the scenario.";
             cards.push(verdict_card(verdict.starts_with("holds"), verdict, about));
         }
     }
-    let z = (study.plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
+    let z = (plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);
     let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
@@ -144,6 +135,6 @@ fn cards(study: &StudyPageRecord<'_>) -> Vec<Card> {
     };
     let answer = format!("off by {largest:.1} sigma at most");
     cards.push(Card::new(tone, "Prediction", answer, about));
-    cards.extend(conditions_card(study.conditions));
+    cards.extend(conditions_card(conditions));
     cards
 }

@@ -128,10 +128,10 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
     let mut styled = BTreeSet::new();
     for (number, calibration, step) in recording.steps() {
         stream.set_time_sequence(STEP, number);
-        if named != Some(calibration.record.name()) {
+        if named != Some(&calibration.record.name) {
             let results = TextDocument::from_markdown(text::results(calibration));
             stream.log("text/results", &results)?;
-            named = Some(calibration.record.name());
+            named = Some(&calibration.record.name);
         }
         log_step(stream, recording, (calibration, step), &mut mounted)?;
         for groups in measured(calibration, step) {

@@ -3,9 +3,10 @@
 use nalgebra::Vector3;
 
 use crate::record::messages::ProvenanceMessage;
+use crate::record::run::MeasuredMessage;
 use crate::text::markdown_text;
 use crate::text::wording::{listed, micrometres, number};
-use crate::view::recording::{PlanRecord, RecordedCalibration, Recording, Step, StepKind};
+use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
 use crate::view::tables::{self, RecordTable};
 
 /// What the robot does in a step.
@@ -25,7 +26,8 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
         } => {
             let shown = measurements.clone().flat_map(|index| record.shown(index));
             let shown: Vec<_> = shown.collect();
-            let direction = record.direction(number - 1);
+            let planned = record.plan.get(number - 1);
+            let direction = planned.and_then(|planned| planned.direction);
             let along = direction.map_or_else(
                 || "length".to_owned(),
                 |along| format!("along {}", listed(along, 4)),
@@ -38,9 +40,9 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
         }
         StepKind::TestPose { .. } => {
             let off = (step.displacement_m() * 1e3).into();
-            let place = match record {
-                PlanRecord::Deflections(_) => "off the wanted place [mm]",
-                PlanRecord::Readings(_) => "off the predicted place [mm]",
+            let place = match record.measured {
+                MeasuredMessage::Deflections { .. } => "off the wanted place [mm]",
+                MeasuredMessage::Readings { .. } => "off the predicted place [mm]",
             };
             vectors("", [row(place, Some(off), None)])
         }
@@ -48,7 +50,7 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
     let joints = calibration.commands.shown(step.commanded_rad.as_slice());
     format!(
         "## {}: {}\n\n{load}\n\n{table}\nCommanded [{}]: {}\n",
-        markdown_text(record.name()),
+        markdown_text(&record.name),
         markdown_text(&calibration.title(step)),
         calibration.commands.unit(),
         listed(joints, 2)
@@ -76,17 +78,21 @@ fn row(name: &str, vector: Option<[f64; 3]>, along: Option<f64>) -> Vec<String> 
 /// What a calibration identified, and what that achieves.
 pub(super) fn results(calibration: &RecordedCalibration) -> String {
     let record = &calibration.record;
-    let (table, without) = match record {
-        PlanRecord::Deflections(record) => (
-            tables::compliances(record, &calibration.compliance_unit),
-            "uncompensated",
-        ),
-        PlanRecord::Readings(record) => (tables::unknowns(record), "of the nominal robot"),
+    let (table, without) = match &record.measured {
+        MeasuredMessage::Deflections { identification, .. } => {
+            let unit = &calibration.compliance_unit;
+            let table = tables::compliances(identification, &record.truth, unit);
+            (table, "uncompensated")
+        }
+        MeasuredMessage::Readings { identification, .. } => {
+            let table = tables::unknowns(identification, &record.truth);
+            (table, "of the nominal robot")
+        }
     };
-    let poses = tables::test_poses(record.test_poses(), without);
+    let poses = tables::test_poses(&record.test_poses, without);
     format!(
         "#### {}\n\n{}\n#### Test poses\n\n{}",
-        markdown_text(record.name()),
+        markdown_text(&record.name),
         table.markdown(),
         poses.markdown()
     )
@@ -96,10 +102,10 @@ pub(super) fn results(calibration: &RecordedCalibration) -> String {
 pub(super) fn overview(recording: &Recording) -> String {
     let rows = recording.calibrations.iter().flat_map(|calibration| {
         let record = &calibration.record;
-        record.test_poses().iter().map(|pose| {
+        record.test_poses.iter().map(|pose| {
             vec![
-                record.name().to_owned(),
-                record.measured().to_string(),
+                record.name.clone(),
+                record.readings().to_string(),
                 pose.name.clone(),
                 micrometres(Some(pose.residual_mm)),
                 micrometres(pose.rho0_mm),
