@@ -38,7 +38,7 @@ pub struct AbsoluteValidation {
     /// Whether readings lie outside of the angles at which the robot was identified.
     pub beyond: Option<Condition>,
     /// How far the identified stations stand from where they were.
-    pub moved: Vec<(String, MovedStation)>,
+    pub moved: Vec<(Option<String>, MovedStation)>,
 }
 
 impl AbsoluteValidation {
@@ -55,6 +55,10 @@ impl AbsoluteValidation {
         let mut conditions: Vec<Condition> = self.beyond.iter().cloned().collect();
         for (name, moved) in &self.moved {
             if moved.is_moved() {
+                let name = (name.as_ref()).map_or_else(
+                    || "the station".to_owned(),
+                    |name| format!("station {name}"),
+                );
                 conditions.push(ConditionCode::StationMoved.with(format!(
                     "{name} moved by {:.3} mm and {:.3} mrad since it was identified, {}",
                     moved.position_m.norm() * 1e3,
@@ -243,11 +247,7 @@ pub fn validate_absolute(
         let found = case
             .moved_station(&arm, &set, places, &discrepancy, station)
             .map_err(in_file(file))?;
-        let name = (case.stations[station].as_ref()).map_or_else(
-            || "the station".to_owned(),
-            |name| format!("station {name}"),
-        );
-        moved.extend(found.map(|found| (name, found)));
+        moved.extend(found.map(|found| (case.stations[station].clone(), found)));
     }
     let setups = case.observations.iter().map(|each| &each.setup);
     let configurations = setups.map(|each| &each.commanded_rad);

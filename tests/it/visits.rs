@@ -138,6 +138,37 @@ fn regions_count_poses_and_not_readings() {
     }
 }
 
+/// Readings that agree with what the scenario lists are weighed by that, as they were planned, and leave no discrepancy; of 8 files one
+/// disagrees with a probability below 1e-3. Beyond that they do.
+#[test]
+fn listed_sources_weigh_what_agrees_with_them() {
+    let source = |std_mrad: f64| {
+        format!("\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = {std_mrad}\n")
+    };
+    let text = absolute_scenario_text("ur10") + "\n[laboratory]\nloading = \"in_place\"\n";
+    let place = Workplace::new();
+    place.write("true.toml", text.clone() + &source(0.1));
+    place.write("listed.toml", text.clone() + &source(0.1));
+    place.write("less.toml", text.clone() + &source(0.02));
+    let plan = rows(&load(&text), 16, &["reflector", "spindle"], &[false, true]);
+    place.write("p.csv", table(&plan));
+    for seed in 1..=8 {
+        let measure = "measure true.toml --plan p.csv --measurements-out m.csv --quiet --seed";
+        place.run(&format!("{measure} {seed}")).ends_with(0);
+        for (scenario, agrees) in [("listed", true), ("less", false)] {
+            let found = place.run(&format!(
+                "identify {scenario}.toml --measurements m.csv --parameters zeros --json --quiet"
+            ));
+            let discrepancy = &found.json()["discrepancy_mm"];
+            assert_eq!(
+                discrepancy.is_null(),
+                agrees,
+                "{scenario} {seed}: {discrepancy}"
+            );
+        }
+    }
+}
+
 /// Four readings of one visit tell once how the robot drifts: where it does not, of 20 files more than 5 have a p below 0.05 with a
 /// probability below 1e-3.
 #[test]

@@ -44,7 +44,7 @@ pub enum ReadingWeights {
 }
 
 /// The probability of residuals at least as large; none where nothing is left over.
-fn consistency(fit: &ParameterFit) -> Option<f64> {
+fn consistency_of(fit: &ParameterFit) -> Option<f64> {
     let chi_square = ChiSquared::new(fit.degrees_of_freedom()).ok()?;
     Some(chi_square.sf(fit.square))
 }
@@ -300,18 +300,27 @@ impl<'a> AbsoluteCase<'a> {
                 }
             }
         };
-        let consistency = own.as_ref().and_then(consistency);
+        let mut consistency = own.as_ref().and_then(consistency_of);
         let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
-        let (fit, discrepancy) = match own {
-            Some(fit) if is_plausible || weights == ReadingWeights::Own => {
-                let values = case.rebased(&fit);
-                if weights == ReadingWeights::AsNeeded {
-                    // So few readings do not show what the planner's model says of their errors.
-                    case = case.counting_sources();
+        let counted = match &own {
+            Some(fit) if weights == ReadingWeights::AsNeeded => {
+                case.counted(set, fit, is_plausible)?
+            }
+            _ => None,
+        };
+        let (fit, discrepancy) = match (counted, own) {
+            (Some((counted, fit)), _) => {
+                if !is_plausible {
+                    consistency = consistency_of(&fit);
                 }
+                case = counted;
+                (fit, None)
+            }
+            (None, Some(fit)) if is_plausible || weights == ReadingWeights::Own => {
+                let values = case.rebased(&fit);
                 (case.fit_near(set, values.as_slice())?, None)
             }
-            other => case.with_discrepancy(set, other)?,
+            (None, other) => case.with_discrepancy(set, other)?,
         };
         Ok(KeptFit {
             case,
@@ -321,6 +330,28 @@ impl<'a> AbsoluteCase<'a> {
             discrepancy_model: None,
             consistency,
         })
+    }
+
+    /// The case weighed by what the planner's model says of the readings' errors, with the fit from near one that counts the instrument's
+    /// alone. None where the model says nothing, or where readings that are not plausible by the instrument are not by the model either: of
+    /// plausible ones it may say more than they show.
+    fn counted(
+        &self,
+        set: &ParameterSet,
+        own: &ParameterFit,
+        is_plausible: bool,
+    ) -> FitResult<Option<(Self, ParameterFit)>> {
+        let mut counted = self.clone();
+        let values = counted.rebased(own);
+        counted = counted.counting_sources();
+        if !counted.is_sharing_known {
+            return Ok(None);
+        }
+        let fit = counted.fit_near(set, values.as_slice())?;
+        let plausible = IMPLAUSIBLE..=1.0 - IMPLAUSIBLE;
+        let is_counted = is_plausible
+            || consistency_of(&fit).is_some_and(|probability| plausible.contains(&probability));
+        Ok(is_counted.then_some((counted, fit)))
     }
 
     /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
