@@ -21,7 +21,7 @@ use crate::text::wording::p_value;
 pub struct AbsoluteValidation {
     /// Of each reading, beside the identified parameters alone.
     pub left: Vec<ReadingResidual>,
-    /// The covariance of each reading's position by the instrument (m^2).
+    /// The covariance of each reading's position by the instrument and by what else is listed as new in each reading (m^2).
     pub readings_m2: Vec<Matrix3<f64>>,
     /// The same beside all that was identified, what joints are off by among it, with regions.
     pub prognoses: Vec<ReadingPrognosis>,
@@ -192,14 +192,6 @@ pub fn validate_absolute(
     readings: &[AbsoluteReading],
 ) -> Result<AbsoluteValidation, FileError> {
     let mut case = AbsoluteCase::placed(belief, readings).map_err(in_file(file))?;
-    let reads = case.observations.iter().zip(&case.covariances);
-    let readings_m2 = reads.map(|(each, covariance)| {
-        let rows = each.reading.kind().rows().min(3);
-        let mut own = Matrix3::zeros();
-        (own.view_mut((0, 0), (rows, rows))).copy_from(&covariance.view((0, 0), (rows, rows)));
-        own
-    });
-    let readings_m2 = readings_m2.collect();
     let may_repeat = case.may_repeat();
     let mut nominal = case.arm.clone();
     case.arm = stored.apply(&case.arm)?;
@@ -208,6 +200,7 @@ pub fn validate_absolute(
     // Sources disturb the nominal robot's readings, in the frames where they are seen.
     (nominal.instrument_from_base).clone_from(&case.arm.instrument_from_base);
     let identified = std::mem::replace(&mut case.arm, nominal.clone());
+    let readings_m2 = of_positions(&case.clone().counting_reading_errors());
     case = if stored.has_discrepancy() {
         case.counting_sources_of_lengths()
     } else {
@@ -270,6 +263,18 @@ pub fn validate_absolute(
         frames_anew: known.names,
         moved,
     })
+}
+
+/// The covariance of each reading's position, or of its length, by what is new in it (m^2).
+fn of_positions(case: &AbsoluteCase<'_>) -> Vec<Matrix3<f64>> {
+    let reads = case.observations.iter().zip(&case.covariances);
+    let of_positions = reads.map(|(each, covariance)| {
+        let rows = each.reading.kind().rows().min(3);
+        let mut own = Matrix3::zeros();
+        (own.view_mut((0, 0), (rows, rows))).copy_from(&covariance.view((0, 0), (rows, rows)));
+        own
+    });
+    of_positions.collect()
 }
 
 /// What the nominal robot leaves in frames that suit the readings best.

@@ -169,6 +169,42 @@ fn listed_sources_weigh_what_agrees_with_them() {
     }
 }
 
+/// A tolerance is judged with all that is new in a reading: 30 um in each metre is far more than 20 um of noise.
+#[test]
+fn tolerances_count_the_tracker_s_range() {
+    let place = Workplace::new();
+    let text = absolute_scenario_text("ur10");
+    place.write("noise.toml", &*text);
+    let range = "\n[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 30\n";
+    place.write("range.toml", text.clone() + range);
+    place.write(
+        "p.csv",
+        table(&rows(&load(&text), 16, &["spindle"], &[false])),
+    );
+    let most_um = ["noise", "range"].map(|scenario| {
+        let measure = format!("measure {scenario}.toml --plan p.csv --quiet --measurements-out");
+        place.run(&format!("{measure} m.csv")).ends_with(0);
+        place
+            .run(&format!("{measure} o.csv --series 1"))
+            .ends_with(0);
+        let identify = "--measurements m.csv --parameters frames --identified-out i.json --quiet";
+        place.run(&format!("identify {scenario}.toml {identify}"));
+        let validate = "--identified i.json --measurements o.csv --tolerance-um 500 --json --quiet";
+        let judged = place
+            .run(&format!("validate {scenario}.toml {validate}"))
+            .json();
+        let each = judged["tolerance"]["measurements"].as_array();
+        let each = each.expect("a list").iter();
+        let each = each.map(|each| number(&each["expanded_uncertainty_um"]));
+        each.fold(0.0, f64::max)
+    });
+    let [noise_um, range_um] = most_um;
+    assert!(
+        (noise_um - 55.9).abs() < 0.1 && range_um > 2.0 * noise_um,
+        "{most_um:?}"
+    );
+}
+
 /// Four readings of one visit tell once how the robot drifts: where it does not, of 20 files more than 5 have a p below 0.05 with a
 /// probability below 1e-3.
 #[test]

@@ -64,7 +64,7 @@ impl AbsoluteCase<'_> {
 
     /// The same weighed by the instrument and by what else the planner's model has as new in each reading, alone.
     #[must_use]
-    pub(super) fn counting_reading_errors(mut self) -> Self {
+    pub fn counting_reading_errors(mut self) -> Self {
         if !self.is_sharing_known {
             let errors = self.listed_errors();
             for (covariance, errors) in self.covariances.iter_mut().zip(errors) {
