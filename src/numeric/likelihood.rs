@@ -111,8 +111,11 @@ impl<F: Fn(&DVector<f64>) -> Option<Likelihood>> LimitedLikelihood<F> {
     }
 
     /// The interval of 95 % of one of the likeliest values: where the likelihood, all others at their likeliest, is not less than a normal
-    /// one would be there. An end is at a limit where it is more even there.
+    /// one would be there. An end is at a limit where it is more even there; none where the likelihood does not depend on it.
     pub fn interval95(&self, best: &Likeliest, place: usize) -> Option<[f64; 2]> {
+        if best.found.curvature[(place, place)] == 0.0 {
+            return None;
+        }
         let [low, high] = &self.limits;
         let inner: Vec<usize> = (0..best.at.len())
             .filter(|&each| low[each] < best.at[each] && best.at[each] < high[each])
@@ -120,9 +123,6 @@ impl<F: Fn(&DVector<f64>) -> Option<Likelihood>> LimitedLikelihood<F> {
         let curvature = best.found.curvature.select_rows(&inner);
         let errors = Cholesky::new(curvature.select_columns(&inner)).map(|own| inverse_of(&own));
         let own = inner.iter().position(|&each| each == place);
-        if best.found.curvature[(place, place)] == 0.0 {
-            return None;
-        }
         let reach = own.zip(errors).map_or(1.0, |(own, errors)| {
             TWO_SIDED_95 * errors[(own, own)].sqrt()
         });

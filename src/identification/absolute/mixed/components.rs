@@ -44,9 +44,10 @@ impl MixedModel {
         let parts: Vec<Self> = (0..count)
             .map(|part| self.of_visits(|visit| visit % count == part))
             .collect();
+        let first = self.first();
         let found = Correlation::ALL.map(|correlation| {
-            let likelihood = self.likelihood_of(&parts, correlation);
-            let best = likelihood.likeliest(self.start())?;
+            let likelihood = likelihood_of(&parts, &first, correlation);
+            let best = likelihood.likeliest(first.start())?;
             Some((best, likelihood, correlation))
         });
         // Of equally likely ones the first.
@@ -54,7 +55,7 @@ impl MixedModel {
         let logarithm = |best: &Likeliest| best.found.logarithm;
         let (best, likelihood, correlation) =
             found.max_by(|(one, ..), (other, ..)| logarithm(one).total_cmp(&logarithm(other)))?;
-        let found = self.variances_at(&best.at, correlation);
+        let found = first.at(&best.at, correlation);
         let intervals = self.intervals(&best, &likelihood, &found, parts.len());
         let function = |(place, &joint): (usize, &usize)| JointFunction {
             joint,
@@ -89,60 +90,6 @@ impl MixedModel {
             rest: [rest(0).sqrt(), rest(1).sqrt()],
         };
         Some((components, intervals))
-    }
-
-    /// The variances and lengths of these logarithms.
-    fn variances_at(&self, at: &DVector<f64>, correlation: Correlation) -> MixedVariances {
-        let mut variances = self.first();
-        let process = variances.process.iter_mut().map(|each| {
-            each.kernel.correlation = correlation;
-            &mut each.kernel.length
-        });
-        for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
-            *to = value.exp();
-        }
-        variances
-    }
-
-    /// The logarithms of variances and lengths that all begins with, lengths half way to the shortest.
-    fn start(&self) -> DVector<f64> {
-        let first = self.first();
-        let lengths = first.process.iter();
-        let lengths = lengths.map(|each| 0.5 * (each.kernel.length * FIRST_LENGTH).ln());
-        let sizes = first.all.iter().map(|each| each.ln());
-        DVector::from_vec(sizes.chain(lengths).collect())
-    }
-
-    /// The likelihood of logarithms of variances and lengths, of all parts together.
-    fn likelihood_of<'a>(
-        &'a self,
-        parts: &'a [Self],
-        correlation: Correlation,
-    ) -> LimitedLikelihood<impl Fn(&DVector<f64>) -> Option<Likelihood> + 'a> {
-        let first = self.first();
-        let limits = |size: f64, lengths: Vec<f64>| {
-            let mut limits = vec![size.ln(); first.all.len()];
-            limits.extend(lengths.iter().map(|length| length.ln()));
-            DVector::from_vec(limits)
-        };
-        let longest = first.process.iter().map(|each| each.kernel.length);
-        let shortest = vec![FIRST_LENGTH; first.process.len()];
-        let limits = [limits(LEAST, shortest), limits(1.0, longest.collect())];
-        let of = move |at: &DVector<f64>| {
-            let variances = self.variances_at(at, correlation);
-            let each: Vec<Option<Likelihood>> = (parts.par_iter())
-                .map(|part| part.likelihood(&variances))
-                .collect();
-            each.into_iter().reduce(|sum, one| {
-                let (sum, one) = (sum?, one?);
-                Some(Likelihood {
-                    logarithm: sum.logarithm + one.logarithm,
-                    gradient: sum.gradient + one.gradient,
-                    curvature: sum.curvature + one.curvature,
-                })
-            })?
-        };
-        LimitedLikelihood { of, limits }
     }
 
     /// The intervals of 95 % of the likeliest logarithms, which are these variances and lengths, from so many parts; none where the
@@ -255,6 +202,60 @@ impl MixedModel {
             curvature: moved.tr_mul(&(projected * &moved)) * 0.5,
         })
     }
+}
+
+impl MixedVariances {
+    /// The same with the variances and lengths of these logarithms.
+    fn at(&self, at: &DVector<f64>, correlation: Correlation) -> Self {
+        let mut variances = self.clone();
+        let process = variances.process.iter_mut().map(|each| {
+            each.kernel.correlation = correlation;
+            &mut each.kernel.length
+        });
+        for (to, value) in variances.all.iter_mut().chain(process).zip(at) {
+            *to = value.exp();
+        }
+        variances
+    }
+
+    /// The logarithms that all begins with, lengths half way to the shortest.
+    fn start(&self) -> DVector<f64> {
+        let lengths = self.process.iter();
+        let lengths = lengths.map(|each| 0.5 * (each.kernel.length * FIRST_LENGTH).ln());
+        let sizes = self.all.iter().map(|each| each.ln());
+        DVector::from_vec(sizes.chain(lengths).collect())
+    }
+}
+
+/// The likelihood of logarithms of variances and lengths, of all parts together; lengths are at most the first ones.
+fn likelihood_of<'a>(
+    parts: &'a [MixedModel],
+    first: &'a MixedVariances,
+    correlation: Correlation,
+) -> LimitedLikelihood<impl Fn(&DVector<f64>) -> Option<Likelihood> + 'a> {
+    let limits = |size: f64, lengths: Vec<f64>| {
+        let mut limits = vec![size.ln(); first.all.len()];
+        limits.extend(lengths.iter().map(|length| length.ln()));
+        DVector::from_vec(limits)
+    };
+    let longest = first.process.iter().map(|each| each.kernel.length);
+    let shortest = vec![FIRST_LENGTH; first.process.len()];
+    let limits = [limits(LEAST, shortest), limits(1.0, longest.collect())];
+    let of = move |at: &DVector<f64>| {
+        let variances = first.at(at, correlation);
+        let each: Vec<Option<Likelihood>> = (parts.par_iter())
+            .map(|part| part.likelihood(&variances))
+            .collect();
+        each.into_iter().reduce(|sum, one| {
+            let (sum, one) = (sum?, one?);
+            Some(Likelihood {
+                logarithm: sum.logarithm + one.logarithm,
+                gradient: sum.gradient + one.gradient,
+                curvature: sum.curvature + one.curvature,
+            })
+        })?
+    };
+    LimitedLikelihood { of, limits }
 }
 
 /// Matrices one behind the other, and each below the one before.
