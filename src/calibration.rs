@@ -174,8 +174,7 @@ pub fn identify_as_planned(
     belief: &Belief,
     measurements: &[Measurement],
 ) -> Result<Identification, IdentificationError> {
-    let case = Case::as_believed(belief, measurements);
-    case.or_holding(case.identify())
+    PreparedCase::new(Case::as_believed(belief, &[]), measurements).identify_all(measurements)
 }
 
 /// The same over and over from measurements of one plan.

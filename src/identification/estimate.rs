@@ -135,7 +135,11 @@ impl Case<'_> {
     }
 
     /// The same with what it begins with; what else is uncertain is not told.
-    fn identify_from(&self, start: &FitStart, near: Option<&[f64]>) -> FitResult<Identification> {
+    pub(super) fn identify_from(
+        &self,
+        start: &FitStart,
+        near: Option<&[f64]>,
+    ) -> FitResult<Identification> {
         if self.measurements.is_empty() {
             return Err(IdentificationError::NoMeasurements);
         }
@@ -181,7 +185,7 @@ impl Case<'_> {
             })
             .collect();
         let mut left = fit.whitened_residuals.rows(0, self.rows()).into_owned();
-        start.whitening.take_off(&mut left);
+        start.take_off(&mut left);
         let residuals_m = (self.rows_of_each().zip(self.measurements)).flat_map(|(rows, of)| {
             let left = three_rows(&left.rows_range(rows).into_owned(), 0);
             <[f64; 3]>::from(in_room(of, &left))
@@ -219,7 +223,7 @@ impl Case<'_> {
         })
     }
 
-    /// What is told of what else is uncertain.
+    /// What was identified of what else is uncertain than compliances.
     fn others(&self, posterior: &Posterior) -> Vec<UncertainEstimate> {
         let extended = &self.belief.uncertain;
         let parameters = extended.set().parameters().iter().enumerate();
@@ -280,8 +284,14 @@ impl<'a> PreparedCase<'a> {
 
     /// Identifies what is unknown; what else is uncertain than compliances is in the posterior alone.
     pub fn identify(&self, measurements: &[Measurement]) -> FitResult<Identification> {
-        let case = self.case.with(measurements);
-        case.or_holding(case.identify_from(&self.start, None))
+        self.case.with(measurements).identify_holding(&self.start)
+    }
+
+    /// The same with what else is uncertain.
+    pub fn identify_all(&self, measurements: &[Measurement]) -> FitResult<Identification> {
+        let mut found = self.identify(measurements)?;
+        found.uncertain = self.case.others(&found.posterior);
+        Ok(found)
     }
 }
 

@@ -11,6 +11,7 @@ use super::discrepancy::{
 use super::equations::rows_of;
 use super::error::FitResult;
 use super::estimate::{Identification, in_room, two_sided_student};
+use super::fit::FitStart;
 use super::nominal::UNKNOWN;
 use super::outliers::IMPLAUSIBLE;
 use super::outliers::{self, LookedOver, RejectedReading, kept};
@@ -80,13 +81,14 @@ impl<'a> Case<'a> {
         Ok(without.unwrap_or(found))
     }
 
-    /// What was identified from all measurements, unless compliances are to stay nominal of which they tell less: then what is identified
-    /// beside these.
+    /// What is identified from all measurements, unless compliances are to stay nominal of which they tell less: then what is identified
+    /// beside these. What else is uncertain is in the posterior alone.
     ///
     /// # Errors
     /// As [`identify`](Self::identify).
-    pub fn or_holding(&self, found: FitResult<Identification>) -> FitResult<Identification> {
-        self.holding(found, |found| found, |case| case.identify_near(None))
+    pub(super) fn identify_holding(&self, start: &FitStart) -> FitResult<Identification> {
+        let fit = |case: &Case<'_>| case.identify_from(&start.holding(case), None);
+        self.holding(self.identify_from(start, None), |found| found, fit)
     }
 
     /// The same with more and more compliances nominal; the gross errors may be given.

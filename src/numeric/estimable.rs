@@ -191,6 +191,16 @@ impl Estimable {
         &self.typical
     }
 
+    /// Whether a parameter is determined by itself, which the determined part leaves uncertain by `standard_error` (in its own unit).
+    pub fn determines(&self, index: usize, standard_error: f64) -> bool {
+        let typical = self.typical[index];
+        is_nothing(
+            typical * self.hidden.row(index).norm(),
+            typical,
+            standard_error,
+        )
+    }
+
     /// The parameters whose undetermined part matters to `rows` (r x p, in the parameters' own units),
     /// which the determined part leaves uncertain by `standard_error` (root of the sum over the rows);
     /// none where the rows are determined.
@@ -203,8 +213,7 @@ impl Estimable {
             column *= *typical;
         }
         let outside = &relative * &self.hidden;
-        let allowed = (ROUNDING.sqrt() * relative.norm()).max(NOTHING * standard_error);
-        if outside.norm() <= allowed {
+        if is_nothing(outside.norm(), relative.norm(), standard_error) {
             return Vec::new();
         }
         // Back among the parameters, leaving out what rounding leaves of the others.
@@ -213,6 +222,12 @@ impl Estimable {
         let matters = |&index: &usize| outside.column(index).amax() > ROUNDING.sqrt() * largest;
         (0..self.typical.len()).filter(matters).collect()
     }
+}
+
+/// Whether what rows (of such a norm in relative units) have in directions that are not determined is next to nothing, beside rounding or
+/// beside what the determined part leaves uncertain.
+fn is_nothing(outside: f64, norm: f64, standard_error: f64) -> bool {
+    outside <= (ROUNDING.sqrt() * norm).max(NOTHING * standard_error)
 }
 
 /// The directions that are not determined. A parameter that shows nowhere even where all others are known
@@ -226,7 +241,12 @@ fn hidden_directions(information: &DMatrix<f64>) -> DMatrix<f64> {
     let (shown, silent): (Vec<usize>, Vec<usize>) =
         (0..size).partition(|&index| diagonal[index] > NOTHING * NOTHING);
     let block = information.select_columns(&shown).select_rows(&shown);
-    let Some(among) = hidden_among(&block) else {
+    let is_all_known = !silent.is_empty() && Estimable::surely_all(&block);
+    let among = if is_all_known {
+        DMatrix::zeros(shown.len(), 0)
+    } else if let Some(among) = hidden_among(&block) {
+        among
+    } else {
         return DMatrix::identity(size, size);
     };
     let mut hidden = DMatrix::zeros(size, silent.len() + among.ncols());
@@ -284,10 +304,16 @@ fn complement(hidden: &DMatrix<f64>) -> DMatrix<f64> {
     if hidden.ncols() == 0 {
         return DMatrix::identity(size, size);
     }
-    let mut columns = Vec::new();
+    let unit = |index: usize| {
+        let mut column = DVector::zeros(size);
+        column[index] = 1.0;
+        column
+    };
+    // Unit vectors that are orthogonal as they are come first; then the one that is furthest from those taken, among equals the first.
+    let (open, mut left): (Vec<usize>, Vec<usize>) =
+        (0..size).partition(|&index| hidden.row(index).iter().all(|&value| value == 0.0));
+    let mut columns: Vec<_> = open.into_iter().map(|index| (index, unit(index))).collect();
     let mut taken = hidden.clone();
-    // The unit vector that is furthest from those taken comes first; among equals, the first.
-    let mut left: Vec<usize> = (0..size).collect();
     while columns.len() + hidden.ncols() < size {
         let outside = |index: usize| 1.0 - taken.row(index).norm_squared();
         let Some(place) = (0..left.len()).reduce(|best, next| {
@@ -297,8 +323,7 @@ fn complement(hidden: &DMatrix<f64>) -> DMatrix<f64> {
             break;
         };
         let index = left.remove(place);
-        let mut column = nalgebra::DVector::zeros(size);
-        column[index] = 1.0;
+        let mut column = unit(index);
         // Twice is enough.
         for _ in 0..2 {
             let along = taken.tr_mul(&column);

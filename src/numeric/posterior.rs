@@ -1,6 +1,6 @@
 //! The posterior of parameters after measurements: means, covariance, and the unidentifiable subspace.
 
-use nalgebra::{DMatrix, DVector, RowDVector};
+use nalgebra::{DMatrix, DVector};
 use thiserror::Error;
 
 use crate::numeric::estimable::Estimable;
@@ -55,10 +55,8 @@ impl Posterior {
         if self.estimable.is_complete() {
             return Some(self.covariance[(index, index)].sqrt());
         }
-        let mut row = RowDVector::zeros(self.names.len());
-        row[index] = 1.0;
-        let row = DMatrix::from_rows(&[row]);
-        self.variance_of(&row).ok().map(f64::sqrt)
+        let standard_error = self.covariance[(index, index)].max(0.0).sqrt();
+        (self.estimable.determines(index, standard_error)).then_some(standard_error)
     }
 
     /// What is known of the first parameters alone, whatever the others are.
@@ -75,19 +73,13 @@ impl Posterior {
     /// The inverse of the covariance within what is determined, and zero in what is not (p x p). `None`
     /// where the covariance is singular there.
     pub fn precision(&self) -> Option<DMatrix<f64>> {
-        let (from, covariance) = self.regular();
-        let inverse = covariance.cholesky()?.inverse();
-        Some(&from * inverse * from.transpose())
-    }
-
-    /// The basis of what is determined (p x r), and the covariance in its coordinates, where it is regular.
-    fn regular(&self) -> (DMatrix<f64>, DMatrix<f64>) {
         let mut from = self.estimable.basis().clone();
         for (mut row, typical) in from.row_iter_mut().zip(self.estimable.typical()) {
             row /= *typical;
         }
         let covariance = from.tr_mul(&self.covariance) * &from;
-        (from, covariance)
+        let inverse = covariance.cholesky()?.inverse();
+        Some(&from * inverse * from.transpose())
     }
 
     /// The normalised error squared of `error` (p), of which only what is determined counts: chi-square
@@ -98,8 +90,18 @@ impl Posterior {
             let factor = self.covariance.clone().cholesky()?;
             return Some(error.dot(&factor.solve(error)));
         }
-        let (from, covariance) = self.regular();
-        let error = from.tr_mul(error);
+        // In relative units, with what is not determined made regular: cov + s H H^T, and an error without a part along H.
+        let typical = DVector::from_column_slice(self.estimable.typical());
+        let hidden = self.estimable.hidden();
+        let mut error = error.component_div(&typical);
+        error -= hidden * hidden.tr_mul(&error);
+        let mut covariance = self.covariance.clone();
+        for (mut column, one) in covariance.column_iter_mut().zip(&typical) {
+            column.component_div_assign(&typical);
+            column /= *one;
+        }
+        let scale = covariance.trace() / self.estimable.rank().max(1) as f64;
+        covariance.gemm(scale, hidden, &hidden.transpose(), 1.0);
         let factor = covariance.cholesky()?;
         Some(error.dot(&factor.solve(&error)))
     }

@@ -6,7 +6,7 @@ use strum::VariantArray;
 use crate::csv::word_field;
 use crate::study::Conditions;
 use crate::study::account::{Account, Contribution};
-use crate::study::summary::{Measured, QUANTILES};
+use crate::study::summary::{Measured, ObservedQuantile, QUANTILES};
 use crate::study::tally::{Failure, Tally};
 use crate::study::verdict::{Kept, MonteCarloOutcome, STANDARD_ERRORS, numerical_tolerance};
 use crate::task::AccuracyKind;
@@ -87,8 +87,8 @@ pub struct ValidationMessage {
     pub predicted_um: f64,
     /// That of the runs (um).
     pub monte_carlo_um: f64,
-    /// Its standard error (um).
-    pub monte_carlo_std_um: f64,
+    /// Its 95 % interval (um); so few runs that all of them may well be below have no upper end.
+    pub monte_carlo_ci95_um: (f64, Option<f64>),
     /// The numerical tolerance of the predicted standard uncertainty with two significant digits (um).
     pub numerical_tolerance_um: f64,
     /// `validated`, `not validated`, or `undecided` by so few runs.
@@ -98,13 +98,14 @@ pub struct ValidationMessage {
 
 impl ValidationMessage {
     /// That of a predicted U (m) with its standard uncertainty (m).
-    fn new(predicted_m: f64, standard_m: f64, observed_m: Measured) -> Self {
+    fn new(predicted_m: f64, standard_m: f64, observed_m: ObservedQuantile) -> Self {
         let tolerance_m = numerical_tolerance(standard_m);
         let outcome = MonteCarloOutcome::of(predicted_m, observed_m, tolerance_m);
+        let observed_um = observed_m.times(1e6);
         Self {
             predicted_um: predicted_m * 1e6,
-            monte_carlo_um: observed_m.value * 1e6,
-            monte_carlo_std_um: observed_m.standard_error * 1e6,
+            monte_carlo_um: observed_um.value,
+            monte_carlo_ci95_um: (observed_um.lower, observed_um.upper),
             numerical_tolerance_um: tolerance_m * 1e6,
             outcome,
         }
@@ -113,12 +114,17 @@ impl ValidationMessage {
 
 impl std::fmt::Display for ValidationMessage {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let um = |value: f64| in_um(value * 1e-6, 3);
+        let (lower, upper) = self.monte_carlo_ci95_um;
+        let interval = upper.map_or_else(
+            || format!("from {} up", um(lower)),
+            |upper| format!("{} to {}", um(lower), um(upper)),
+        );
         write!(
             formatter,
-            "U = {} um (95 %) predicted, {} +- {} um by Monte Carlo, numerical tolerance {} um: {}",
-            in_um(self.predicted_um * 1e-6, 3),
-            in_um(self.monte_carlo_um * 1e-6, 3),
-            in_um(self.monte_carlo_std_um * 1e-6, 3),
+            "U = {} um (95 %) predicted, {} um by Monte Carlo ({interval}), numerical tolerance {} um: {}",
+            um(self.predicted_um),
+            um(self.monte_carlo_um),
             significant(self.numerical_tolerance_um, 1),
             self.outcome
         )
@@ -209,13 +215,13 @@ impl StudyPlanMessage {
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
             verdict: (account.zip(rms_m)).map(|(account, rms_m)| account.verdict(rms_m)),
-            validation: (predicted_quantile95_m.zip(measured_m(Tally::radius95))).map(
-                |(predicted_m, radius95_m)| {
+            validation: (predicted_quantile95_m.zip(tally.radius95())).map(
+                |(predicted_m, radius95)| {
                     let standard_m = account.map_or_else(
                         || tally.predicted_rms() * sigma_m,
                         |account| account.predicted_m,
                     );
-                    ValidationMessage::new(predicted_m, standard_m, radius95_m)
+                    ValidationMessage::new(predicted_m, standard_m, radius95.times(sigma_m))
                 },
             ),
             quantiles_mm: runs.map(|tally| {

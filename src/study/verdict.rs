@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::summary::Measured;
+use super::summary::{Measured, ObservedQuantile};
 
 /// More standard errors than this are not chance ...
 pub const STANDARD_ERRORS: f64 = 3.0;
@@ -51,14 +51,14 @@ pub enum MonteCarloOutcome {
 }
 
 impl MonteCarloOutcome {
-    /// The comparison of JCGM 101, clause 8, of the radius that 95 % of the runs stay below (m) with the predicted one. The runs must
-    /// know theirs to the tolerance, by two standard errors, before anything is validated by them.
-    pub fn of(predicted_m: f64, observed_m: Measured, tolerance_m: f64) -> Self {
-        let apart = (predicted_m - observed_m.value).abs();
-        let room = 2.0 * observed_m.standard_error;
-        if apart > tolerance_m + room {
+    /// The comparison of JCGM 101, clause 8, of the radius that 95 % of the runs stay below (m) with the predicted one, by its whole
+    /// interval: validated where all of it is within the tolerance, not validated where none is.
+    pub fn of(predicted_m: f64, observed_m: ObservedQuantile, tolerance_m: f64) -> Self {
+        let upper_m = observed_m.upper.unwrap_or(f64::INFINITY);
+        let (least_m, most_m) = (predicted_m - tolerance_m, predicted_m + tolerance_m);
+        if observed_m.lower > most_m || upper_m < least_m {
             Self::NotValidated
-        } else if apart <= tolerance_m && room <= tolerance_m {
+        } else if observed_m.lower >= least_m && upper_m <= most_m {
             Self::Validated
         } else {
             Self::Undecided
@@ -98,17 +98,20 @@ mod tests {
 
     #[test]
     fn few_runs_validate_nothing() {
-        let of = |value, standard_error| {
-            let observed = Measured {
-                value,
-                standard_error,
+        let of = |lower, upper| {
+            let observed = ObservedQuantile {
+                value: 10.1,
+                lower,
+                upper,
             };
             MonteCarloOutcome::of(10.0, observed, 0.5)
         };
-        assert_eq!(of(10.4, 0.25), MonteCarloOutcome::Validated);
-        assert_eq!(of(10.4, 0.26), MonteCarloOutcome::Undecided);
-        assert_eq!(of(10.6, 0.1), MonteCarloOutcome::Undecided);
-        assert_eq!(of(10.71, 0.1), MonteCarloOutcome::NotValidated);
+        assert_eq!(of(9.6, Some(10.4)), MonteCarloOutcome::Validated);
+        assert_eq!(of(9.4, Some(10.4)), MonteCarloOutcome::Undecided);
+        assert_eq!(of(9.6, Some(10.6)), MonteCarloOutcome::Undecided);
+        assert_eq!(of(9.6, None), MonteCarloOutcome::Undecided);
+        assert_eq!(of(10.6, None), MonteCarloOutcome::NotValidated);
+        assert_eq!(of(9.0, Some(9.4)), MonteCarloOutcome::NotValidated);
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! What a study comes to: its records, and text for people.
 
+use std::collections::BTreeSet;
+
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
@@ -100,13 +102,14 @@ impl Results {
         let unjudged = plans
             .iter()
             .filter(|each| each.sha256.is_none() && is_judged);
-        let words = |each: &PlanHeader| {
+        // Under several conditions each plan stands several times.
+        let names: BTreeSet<&str> = unjudged.map(|each| each.name.as_str()).collect();
+        let words = |name: &&str| {
             format!(
-                "{}: no verdict, as every run has a plan of its own, of which noise alone is predicted",
-                each.name
+                "{name}: no verdict, as every run has a plan of its own, of which noise alone is predicted"
             )
         };
-        unjudged.map(words).collect()
+        names.iter().map(words).collect()
     }
 
     /// The page to look at; none for a sweep, where no plan is best under all conditions.

@@ -1,5 +1,7 @@
 //! The fit of deflections: linear by eq. 9 (or 6), non-linear by Gauss-Newton through the static equilibrium.
 
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, stack};
 
 use super::super::case::Case;
@@ -34,20 +36,28 @@ pub struct DeflectionFit {
 /// What fits to the same plan begin with, whatever is read.
 #[derive(Debug)]
 pub struct FitStart {
-    pub whitening: Whitening,
+    equations: Arc<StartEquations>,
     /// What the measurements determine follows from their linear equations at the commanded angles, as it
     /// does for the planner: it does not depend on what was read, and does not change on the way of a fit.
     pub estimable: Estimable,
-    /// What is known before, as whitened equations (q x p) of the change from nominal values.
-    prior: DMatrix<f64>,
     /// The prior's information in coordinates of what is determined, r x r.
     before: DMatrix<f64>,
+    /// The information's factor where a fit begins, where a step is found by it and it is not singular to rounding.
+    factor: Option<Cholesky<f64, Dyn>>,
+}
+
+/// The equations that fits begin with, whichever compliances they hold.
+#[derive(Debug)]
+struct StartEquations {
+    whitening: Whitening,
+    /// What is known before, as whitened equations (q x p) of the change from nominal values.
+    prior: DMatrix<f64>,
     nominal: DVector<f64>,
+    /// The equations to first order in compliance, whitened, (N + q) x p.
+    linear: DMatrix<f64>,
     /// Where a fit begins that does not begin near, but for what was read: at nominal values, through the static equilibrium as far as
     /// there is one.
     at_nominal: DeflectionRows,
-    /// Their information's factor, where a step is found by it and it is not singular to rounding.
-    factor: Option<Cholesky<f64, Dyn>>,
     torques: Vec<RestTorques>,
 }
 
@@ -84,49 +94,72 @@ impl DeflectionRows {
     }
 }
 
-impl FitStart {
-    /// Fits that begin at nominal values: by the linear method, or through the static equilibrium.
-    pub fn new(source: &Case<'_>, is_near: bool) -> Self {
+impl StartEquations {
+    fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
         let prior = source.belief.uncertain.prior_rows().clone();
         let off = DVector::zeros(prior.nrows());
         let rows = |predicted| DeflectionRows::new(predicted, &whitening, &prior, &off);
         let linear = rows(source.predicted_linearly());
-        let mut free = linear.matrix.clone();
-        for &place in source.held {
-            free.column_mut(place).fill(0.0);
-        }
         let mut torques = Vec::new();
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
-        let estimable = Estimable::of_equations(&free, &source.belief.sizes());
-        let mut start = Self {
-            factor: None,
-            before: gram(&(&prior * estimable.basis_in_units())),
-            estimable,
+        Self {
+            linear: linear.matrix.clone(),
             at_nominal: at_rest.flatten().map_or(linear, rows),
             whitening,
             prior,
             nominal,
             torques,
+        }
+    }
+}
+
+impl FitStart {
+    /// Fits that begin at nominal values: by the linear method, or through the static equilibrium.
+    pub fn new(source: &Case<'_>, is_near: bool) -> Self {
+        Self::of(Arc::new(StartEquations::new(source, is_near)), source)
+    }
+
+    /// The same of fits to the same measurements that hold what a case holds.
+    pub fn holding(&self, source: &Case<'_>) -> Self {
+        Self::of(Arc::clone(&self.equations), source)
+    }
+
+    fn of(equations: Arc<StartEquations>, source: &Case<'_>) -> Self {
+        let mut free = equations.linear.clone();
+        for &place in source.held {
+            free.column_mut(place).fill(0.0);
+        }
+        let estimable = Estimable::of_equations(&free, &source.belief.sizes());
+        let mut start = Self {
+            factor: None,
+            before: gram(&(&equations.prior * estimable.basis_in_units())),
+            estimable,
+            equations,
         };
         if !source.belief.uncertain.is_plain() || source.method == Method::Nonlinear {
-            start.factor = sound_factor(start.information(&start.at_nominal));
+            start.factor = sound_factor(start.information(&start.equations.at_nominal));
         }
         start
+    }
+
+    /// Takes what readings of one configuration share off whitened rows.
+    pub fn take_off(&self, rows: &mut DVector<f64>) {
+        self.equations.whitening.take_off(rows);
     }
 
     /// What was read, whitened.
     fn read(&self, source: &Case<'_>) -> DVector<f64> {
         let mut read = source.read();
-        self.whitening.whiten(&mut read);
+        self.equations.whitening.whiten(&mut read);
         read
     }
 
     /// What equations say of what is determined (r x r).
     fn information(&self, rows: &DeflectionRows) -> DMatrix<f64> {
-        let readings = rows.matrix.nrows() - self.prior.nrows();
+        let readings = rows.matrix.nrows() - self.equations.prior.nrows();
         let within = (self.estimable).coordinates(rows.matrix.rows(0, readings).transpose());
         let mut information = self.before.clone();
         information.gemm(1.0, &within, &within.transpose(), 1.0);
@@ -205,8 +238,13 @@ impl FitProblem for DeflectionProblem<'_> {
     fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>> {
         let start = self.start;
         let predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
-        let off = &start.prior * (&start.nominal - &values);
-        let rows = DeflectionRows::new(predicted, &start.whitening, &start.prior, &off);
+        let off = &start.equations.prior * (&start.equations.nominal - &values);
+        let rows = DeflectionRows::new(
+            predicted,
+            &start.equations.whitening,
+            &start.equations.prior,
+            &off,
+        );
         let rows = rows.reading(&self.read);
         let information = start.information(&rows);
         let factor = sound_factor(information.clone());
@@ -243,8 +281,18 @@ impl FitProblem for DeflectionProblem<'_> {
 
 /// The linear estimate. What is not determined stays nominal: the change from there is solved for.
 pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
-    let rows = start.at_nominal.clone().reading(&start.read(source));
-    start.end(source, rows, &start.nominal, start.factor.as_ref(), 1)
+    let rows = start
+        .equations
+        .at_nominal
+        .clone()
+        .reading(&start.read(source));
+    start.end(
+        source,
+        rows,
+        &start.equations.nominal,
+        start.factor.as_ref(),
+        1,
+    )
 }
 
 /// Gauss-Newton from values that are near, from one step from the nominal values, or from these where there is no equilibrium
@@ -254,12 +302,12 @@ pub fn fit_nonlinear(
     source: &Case<'_>,
     near: Option<&[f64]>,
 ) -> FitResult<DeflectionFit> {
-    let (read, nominal) = (start.read(source), &start.nominal);
+    let (read, nominal) = (start.read(source), &start.equations.nominal);
     let (first, begun) = if let Some(near) = near {
         let off = DVector::from_column_slice(near) - nominal;
         (start.estimable.coordinates_of(&off), 0.0)
     } else {
-        let rows = start.at_nominal.clone().reading(&read);
+        let rows = start.equations.at_nominal.clone().reading(&read);
         let gradient = start.gradient(&rows);
         let step = start.step(&rows, &gradient, start.factor.as_ref());
         let length = gradient.dot(&step).max(0.0).sqrt();
@@ -269,7 +317,7 @@ pub fn fit_nonlinear(
         start,
         source,
         read,
-        torques: start.torques.clone(),
+        torques: start.equations.torques.clone(),
         begun,
     };
     let first = nominal + problem.change(&first);
