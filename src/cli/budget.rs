@@ -131,7 +131,8 @@ impl Budget {
             let campaign = Campaign::new(task, laboratory, &point.plan, false);
             campaign.ok().map(|campaign| campaign.minutes)
         };
-        let at_least = |point: &BudgetPoint| least_minutes(laboratory, PlanSize::of(&point.plan));
+        let at_least =
+            |point: &BudgetPoint| least_minutes(task, laboratory, PlanSize::of(&point.plan));
         let mut report = Report::default();
         (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), &mut report)?;
         report.json = json!({ "proof": proof_json(&bound) });

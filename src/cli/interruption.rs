@@ -90,7 +90,9 @@ fn interrupt() {
     let is_first = asks != Asks::Nobody && !STOP.swap(true, Ordering::Relaxed);
     match asks {
         Asks::Search | Asks::Found if is_first => {
-            say("\nstopping: keeping the best plan found so far; once more to end at once");
+            say(
+                "\nstopping: keeping the best plan if one is found by now; once more to end at once",
+            );
             thread::spawn(end_search);
         }
         Asks::Work if is_first => {

@@ -25,7 +25,8 @@ pub struct Measure {
     /// Leave the instrument's errors out, and without --run all else that is sampled.
     #[arg(long)]
     noise_free: bool,
-    /// Measure as run R of a study does, from 0, which is taken where none is named: with its random numbers, on its virtual robot.
+    /// Measure as run R of a study does, from 0, which is taken where none is named: with its random numbers, on its virtual robot. Of
+    /// absolute readings what has no prior is nominal here, and sampled there.
     #[arg(long, value_name = "R")]
     run: Option<u64>,
     /// Read the same virtual robot in another campaign, numbered from 0: all that is new in campaigns, readings, visits
@@ -163,8 +164,9 @@ impl Measure {
         .map_err(|error| self.wrong(&error))?;
         let keys = json!({ "accuracy": "absolute", "run": run, "readings": readings.len() });
         let count = counted(readings.len() as u64, "absolute reading");
-        let text = format!("{count} of the virtual robot of run {run}\n")
-            + &noted(beyond_stations(&task.belief, &readings).as_slice());
+        let text = format!(
+            "{count} of the virtual robot of run {run}, nominal but for what the scenario lists\n"
+        ) + &noted(beyond_stations(&task.belief, &readings).as_slice());
         let rows = absolute_table(&task.belief.commands(), &readings);
         Ok((Report::new(keys, text, Vec::new()), Some(run), rows))
     }

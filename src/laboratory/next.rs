@@ -93,21 +93,23 @@ impl Remaining {
         let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
         let is_shared = identified.uncertain.is_shared_by_repeats();
         let together = (is_shared && !has_own_sigma).then(|| (identified.clone(), carried_out));
-        let is_possible = |each: &Experiment| {
-            let near =
-                |other: &DVector<f64>| (&each.configuration_rad - other).amax() <= within_rad;
-            !impossible.iter().any(near)
-        };
-        left.design.mandatory.experiments.retain(is_possible);
+        let impossible: Vec<Forbidden> = (impossible.iter())
+            .map(|configuration_rad| Forbidden {
+                configuration_rad: configuration_rad.clone(),
+                within_rad,
+            })
+            .collect();
+        let chain = &left.belief.nominal.chain;
+        left.design.mandatory.experiments.retain(|each| {
+            let q = each.configuration_rad.as_slice();
+            !impossible
+                .iter()
+                .any(|other| other.too_near(chain, q).is_some())
+        });
         let still = u32::try_from(left.design.mandatory.experiments.len()).unwrap_or(u32::MAX);
         left.design.configurations = (task.design.configurations)
             .map(|most| most.saturating_sub(visited).max(still.saturating_add(1)));
-        left.region
-            .forbidden
-            .extend(impossible.iter().map(|configuration_rad| Forbidden {
-                configuration_rad: configuration_rad.clone(),
-                within_rad,
-            }));
+        left.region.forbidden.extend(impossible);
         Self {
             task: left,
             measured: u32::try_from(measurements.len()).unwrap_or(u32::MAX),

@@ -13,7 +13,7 @@ const LONGEST_TEXT: usize = 100;
 /// The cosine of the largest angle between a hung load and gravity.
 const PLUMB: f64 = 0.999;
 
-/// What is done before a stop without a load where one hangs.
+/// What is done before a stop without a load where one hangs, or after the last stop.
 pub const fn take_off(stop: &Stop) -> &'static str {
     if stop.direction.is_some() {
         "Take the load off and the gauge away"
@@ -138,6 +138,10 @@ pub fn program(campaign: &Campaign, gravity_m_s2: &Vector3<f64>, title: &str) ->
         };
         steps.push(ProgramStep::Halt(format!("Stop {}: {what}", index + 1)));
         steps.push(ProgramStep::Log);
+    }
+    if let Some(last) = campaign.stops.last().filter(|last| last.load.is_some()) {
+        steps.push(ProgramStep::Halt(take_off(last).to_owned()));
+        steps.extend(payload.map(|_| ProgramStep::Payload(None)));
     }
     if let (Some(home), Some(way)) = (&campaign.home, &campaign.return_way) {
         steps.extend(back(way.via.clone(), home));

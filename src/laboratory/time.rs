@@ -3,6 +3,7 @@
 
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
+use crate::parameter::Unloaded;
 use crate::plan::search::{PlanSearch, PlanSize, Problem, SearchError, Watch};
 use crate::plan::{Criterion, posterior, rho0_m};
 use crate::robot::ReadsAlong;
@@ -34,8 +35,20 @@ pub struct TimedPlan {
     pub minutes: f64,
 }
 
-/// The minutes that measurements take at most, without the time that joints turn: two stops for each configuration, and two readings for
-/// each measurement; a load is hung in place for each of those whose share is given, and a gauge is set for each that it reads.
+/// How often the instrument is read where a gauge reads such a share of the measurements: with and without the load for each, or without
+/// it once in each configuration where all its measurements share that.
+fn readings(task: &Task, size: PlanSize, along: f64) -> f64 {
+    let [measurements, configurations] = [size.measurements, size.configurations].map(f64::from);
+    let others = 1.0 - along;
+    let without_load = match (task.belief.loading, task.belief.instrument.unloaded) {
+        (Loading::Returns, Unloaded::Shared) => others * configurations + along * measurements,
+        _ => measurements,
+    };
+    measurements + without_load
+}
+
+/// The minutes that measurements take at most, without the time that joints turn: two stops for each configuration, and the readings; a
+/// load is hung in place for each of those whose share is given, and a gauge is set for each that it reads.
 fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64) -> f64 {
     let costs = &laboratory.costs;
     let [measurements, configurations] = [size.measurements, size.configurations].map(f64::from);
@@ -52,7 +65,7 @@ fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64
         Loading::InPlace => [1.0, others, others],
         Loading::Returns => [1.0, 2.0 * stops, changes],
     };
-    costs.work_min([by_gauge; 3], 2.0 * by_gauge) + costs.work_min(work, 2.0 * others)
+    costs.work_min([by_gauge; 3], 0.0) + costs.work_min(work, readings(task, size, along))
 }
 
 /// The share of a plan's measurements that a gauge reads.
@@ -64,10 +77,9 @@ fn share_along(plan: &Plan) -> f64 {
 
 /// The minutes that a plan of deflections of such a size takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
 /// under two loads may share their configuration.
-pub fn least_minutes(laboratory: &Laboratory, size: PlanSize) -> f64 {
+pub fn least_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize) -> f64 {
     let stops = f64::from(size.configurations + 1);
-    let readings = 2.0 * f64::from(size.measurements);
-    (laboratory.costs).work_min([1.0, stops, 1.0], readings)
+    (laboratory.costs).work_min([1.0, stops, 1.0], readings(task, size, 0.0))
 }
 
 /// Of some plans, each with the minutes that it takes at least, the one that takes the least time with all its ways, and the minutes;
@@ -169,7 +181,7 @@ impl TimeSearch<'_> {
             measurements: fewest,
             configurations,
         };
-        let mut are_fewest_left = least_minutes(laboratory, least) <= minutes;
+        let mut are_fewest_left = least_minutes(task, laboratory, least) <= minutes;
         let (mut found, mut ways_min, mut along) = (None, expected_min, expected_along);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {

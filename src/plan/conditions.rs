@@ -85,7 +85,8 @@ fn near(task: &Task, plan: &Plan, own_m: f64) -> Option<Condition> {
             return false;
         }
         let [one, other] = [one, other].map(|place| &all[place]);
-        let apart = (&one.configuration_rad - &other.configuration_rad).amax();
+        let [one_q, other_q] = [one, other].map(|each| each.configuration_rad.as_slice());
+        let (_, apart) = task.belief.nominal.chain.largest_difference(one_q, other_q);
         apart < NEAR && Approach::is_same(one.approach.as_ref(), other.approach.as_ref())
     };
     let mut groups: Vec<Vec<usize>> = Vec::new();

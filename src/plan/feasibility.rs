@@ -283,7 +283,8 @@ impl<'a> Feasibility<'a> {
     fn forbidden(&self, q: &[f64]) -> Option<(usize, (usize, f64), f64)> {
         let mut all = self.task.region.forbidden.iter().enumerate();
         all.find_map(|(index, forbidden)| {
-            Some((index + 1, forbidden.too_near(q)?, forbidden.within_rad))
+            let apart = forbidden.too_near(&self.task.belief.nominal.chain, q)?;
+            Some((index + 1, apart, forbidden.within_rad))
         })
     }
 

@@ -6,7 +6,7 @@ use super::Plan;
 use crate::task::Task;
 
 /// Makes a designed plan what is commanded: repeats together, and each joint on the turn that is nearest to a home (rad)
-/// within the region's ranges, where the arm stands alike and hoses are wound least; no turn leads to a forbidden configuration.
+/// within the region's ranges, where the arm stands alike and hoses are wound least.
 pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan) {
     plan.put_repeats_together();
     let joints = &task.belief.nominal.chain.joints;
@@ -29,10 +29,6 @@ pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan
             // Rounding is no reason to turn.
             if turned >= low && (turned - home).abs() < (angle - home).abs() - 1e-9 {
                 q[joint] = turned;
-                let mut forbidden = task.region.forbidden.iter();
-                if forbidden.any(|each| each.too_near(q.as_slice()).is_some()) {
-                    q[joint] = angle;
-                }
             }
         }
     }

@@ -56,7 +56,7 @@ impl RobotTrials {
         Ok(Self {
             first_failure,
             below_quantile95: quantile95_m.and_then(below),
-            prediction: Kept::of(account.predicted_m * 1e3, observed_mm),
+            prediction: Kept::of(account.predicted_m * 1e3, observed_mm, tally.failed_share()),
             runs,
         })
     }
@@ -72,7 +72,7 @@ impl RobotTrials {
         });
         let is = match self.prediction {
             Kept::Holds => "",
-            Kept::Exceeded | Kept::Conservative => "is ",
+            Kept::Exceeded | Kept::Conservative | Kept::Undecided => "is ",
         };
         format!(
             "Of {} sampled, read by the plan and identified: residual error {rms} +- {std} mm rms, predicted {predicted} mm{}. \

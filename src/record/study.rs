@@ -98,9 +98,14 @@ pub struct ValidationMessage {
 
 impl ValidationMessage {
     /// That of a predicted U (m) with its standard uncertainty (m).
-    fn new(predicted_m: f64, standard_m: f64, observed_m: ObservedQuantile) -> Self {
+    fn new(
+        predicted_m: f64,
+        standard_m: f64,
+        observed_m: ObservedQuantile,
+        failed_share: f64,
+    ) -> Self {
         let tolerance_m = numerical_tolerance(standard_m);
-        let outcome = MonteCarloOutcome::of(predicted_m, observed_m, tolerance_m);
+        let outcome = MonteCarloOutcome::of(predicted_m, observed_m, tolerance_m, failed_share);
         let observed_um = observed_m.times(1e6);
         Self {
             predicted_um: predicted_m * 1e6,
@@ -196,6 +201,7 @@ impl StudyPlanMessage {
             .zip(reference)
             .and_then(|(tally, other)| tally.ratio_to(other));
         let (edges, counts) = tally.histogram();
+        let failed_share = tally.failed_share();
         Self {
             name: name.to_owned(),
             experiments: conditions.experiments,
@@ -214,14 +220,20 @@ impl StudyPlanMessage {
             combined_rms_mm: account.map(|account| account.predicted_m * 1e3),
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
-            verdict: (account.zip(rms_m)).map(|(account, rms_m)| account.verdict(rms_m)),
+            verdict: (account.zip(rms_m))
+                .map(|(account, rms_m)| account.verdict(rms_m, failed_share)),
             validation: (predicted_quantile95_m.zip(tally.radius95())).map(
                 |(predicted_m, radius95)| {
                     let standard_m = account.map_or_else(
                         || tally.predicted_rms() * sigma_m,
                         |account| account.predicted_m,
                     );
-                    ValidationMessage::new(predicted_m, standard_m, radius95.times(sigma_m))
+                    ValidationMessage::new(
+                        predicted_m,
+                        standard_m,
+                        radius95.times(sigma_m),
+                        failed_share,
+                    )
                 },
             ),
             quantiles_mm: runs.map(|tally| {
@@ -251,7 +263,8 @@ impl StudyPlanMessage {
                 value,
                 standard_error,
             };
-            let is_exceeded = Kept::of(predicted_mm, observed_mm) == Kept::Exceeded;
+            let failed_share = self.failed as f64 / (self.runs + self.failed) as f64;
+            let is_exceeded = Kept::of(predicted_mm, observed_mm, failed_share) == Kept::Exceeded;
             self.verdict = (is_exceeded && z > STANDARD_ERRORS).then(|| {
                 format!(
                     "exceeded: {:.3} times what is predicted of noise alone; the simulated truth is another robot, or \

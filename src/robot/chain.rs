@@ -121,6 +121,24 @@ impl SerialChain {
             + tool.link_from_tool.translation.vector.norm()
     }
 
+    /// The joint of which two configurations (rad; m where it slides) differ most, and by how much: after a whole turn the arm stands alike.
+    pub fn largest_difference(&self, one: &[f64], other: &[f64]) -> (usize, f64) {
+        let pairs = one.iter().zip(other).zip(&self.joints).enumerate();
+        let apart = pairs.map(|(place, ((one, other), joint))| {
+            let way = one - other;
+            let turns = if joint.drive.slides {
+                0.0
+            } else {
+                (way / TAU).round()
+            };
+            (place, (way - turns * TAU).abs())
+        });
+        apart.fold(
+            (0, 0.0),
+            |most, next| if next.1 > most.1 { next } else { most },
+        )
+    }
+
     /// The number of joints.
     pub fn len(&self) -> usize {
         self.joints.len()

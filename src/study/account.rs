@@ -72,9 +72,15 @@ pub struct Account {
 
 impl Account {
     /// What an observed rms distance (m) says of the prediction, in words.
-    pub fn verdict(&self, observed_m: Measured) -> String {
+    pub fn verdict(&self, observed_m: Measured, failed_share: f64) -> String {
         let ratio = observed_m.value / self.predicted_m;
-        match Kept::of(self.predicted_m, observed_m) {
+        match Kept::of(self.predicted_m, observed_m, failed_share) {
+            Kept::Undecided => {
+                return format!(
+                    "undecided: {:.1} % of the runs failed, and the others are no sample of what is predicted",
+                    failed_share * 100.0
+                );
+            }
             Kept::Holds => return "holds".to_owned(),
             Kept::Conservative => return format!("conservative: {ratio:.3} of what is predicted"),
             Kept::Exceeded => {}
@@ -312,10 +318,11 @@ mod tests {
     fn verdicts_name_what_breaks_a_prediction() {
         let account = account();
         let said = |value, standard_error| {
-            account.verdict(Measured {
+            let observed = Measured {
                 value,
                 standard_error,
-            })
+            };
+            account.verdict(observed, 0.0)
         };
         assert_eq!(said(6.1e-6, 1e-9), "holds");
         assert_eq!(said(6.4e-6, 1e-7), "holds");

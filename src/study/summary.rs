@@ -62,6 +62,11 @@ impl Tally {
         self.sum(which) / self.runs as f64
     }
 
+    /// The share of the runs that failed.
+    pub fn failed_share(&self) -> f64 {
+        self.failures() as f64 / (self.runs + self.failures()).max(1) as f64
+    }
+
     /// The mean distance.
     pub fn mean(&self) -> Measured {
         let (value, square) = (self.mean_of(Sum::Distance), self.mean_of(Sum::Square));

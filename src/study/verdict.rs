@@ -8,6 +8,8 @@ use super::summary::{Measured, ObservedQuantile};
 pub const STANDARD_ERRORS: f64 = 3.0;
 /// ... nor are they what linear propagation leaves out, beyond this share.
 const LINEAR: f64 = 0.02;
+/// Where more of the runs fail, the others are no sample of what was predicted: softer robots fail first.
+const FAILED: f64 = 0.01;
 
 /// How a prediction came off.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
@@ -19,13 +21,17 @@ pub enum Kept {
     Exceeded,
     /// Less is left.
     Conservative,
+    /// Too many runs failed.
+    Undecided,
 }
 
 impl Kept {
-    /// What the rms distance that was seen (m) says of the one that was predicted.
-    pub fn of(predicted_m: f64, seen_m: Measured) -> Self {
+    /// What the rms distance that was seen (m) says of the one that was predicted, where such a share of the runs failed.
+    pub fn of(predicted_m: f64, seen_m: Measured, failed_share: f64) -> Self {
         let room = STANDARD_ERRORS * seen_m.standard_error + LINEAR * predicted_m;
-        if seen_m.value > predicted_m + room {
+        if failed_share > FAILED {
+            Self::Undecided
+        } else if seen_m.value > predicted_m + room {
             Self::Exceeded
         } else if seen_m.value < predicted_m - room {
             Self::Conservative
@@ -46,17 +52,24 @@ pub enum MonteCarloOutcome {
     #[serde(rename = "not validated")]
     #[strum(serialize = "not validated")]
     NotValidated,
-    /// So few runs tell neither.
+    /// So few runs tell neither, or too many failed.
     Undecided,
 }
 
 impl MonteCarloOutcome {
     /// The comparison of JCGM 101, clause 8, of the radius that 95 % of the runs stay below (m) with the predicted one, by its whole
     /// interval: validated where all of it is within the tolerance, not validated where none is.
-    pub fn of(predicted_m: f64, observed_m: ObservedQuantile, tolerance_m: f64) -> Self {
+    pub fn of(
+        predicted_m: f64,
+        observed_m: ObservedQuantile,
+        tolerance_m: f64,
+        failed_share: f64,
+    ) -> Self {
         let upper_m = observed_m.upper.unwrap_or(f64::INFINITY);
         let (least_m, most_m) = (predicted_m - tolerance_m, predicted_m + tolerance_m);
-        if observed_m.lower > most_m || upper_m < least_m {
+        if failed_share > FAILED {
+            Self::Undecided
+        } else if observed_m.lower > most_m || upper_m < least_m {
             Self::NotValidated
         } else if observed_m.lower >= least_m && upper_m <= most_m {
             Self::Validated
@@ -104,7 +117,7 @@ mod tests {
                 lower,
                 upper,
             };
-            MonteCarloOutcome::of(10.0, observed, 0.5)
+            MonteCarloOutcome::of(10.0, observed, 0.5, 0.0)
         };
         assert_eq!(of(9.6, Some(10.4)), MonteCarloOutcome::Validated);
         assert_eq!(of(9.4, Some(10.4)), MonteCarloOutcome::Undecided);
@@ -116,20 +129,20 @@ mod tests {
 
     #[test]
     fn a_prediction_has_room_on_both_sides() {
-        let of = |value, standard_error| {
-            Kept::of(
-                1.0,
-                Measured {
-                    value,
-                    standard_error,
-                },
-            )
+        let judged = |value, standard_error, failed_share| {
+            let observed = Measured {
+                value,
+                standard_error,
+            };
+            Kept::of(1.0, observed, failed_share)
         };
+        let of = |value, standard_error| judged(value, standard_error, 0.01);
         assert_eq!(of(1.019, 0.0), Kept::Holds);
         assert_eq!(of(0.981, 0.0), Kept::Holds);
         assert_eq!(of(1.021, 0.0), Kept::Exceeded);
         assert_eq!(of(0.979, 0.0), Kept::Conservative);
         assert_eq!(of(1.049, 0.01), Kept::Holds);
         assert_eq!(of(1.051, 0.01), Kept::Exceeded);
+        assert_eq!(judged(1.0, 0.0, 0.011), Kept::Undecided);
     }
 }

@@ -2,6 +2,8 @@
 
 use nalgebra::DVector;
 
+use crate::robot::SerialChain;
+
 /// Where experiments are possible.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Region {
@@ -28,18 +30,14 @@ pub struct Region {
 pub struct Forbidden {
     /// The configuration (rad).
     pub configuration_rad: DVector<f64>,
-    /// Some joint must differ by more than this (rad).
+    /// Some joint must differ by more than this (rad), whole turns apart.
     pub within_rad: f64,
 }
 
 impl Forbidden {
-    /// The joint with the largest difference, and that (rad; m where it slides), where no joint differs by more than is asked for.
-    pub fn too_near(&self, q: &[f64]) -> Option<(usize, f64)> {
-        let pairs = self.configuration_rad.iter().zip(q).enumerate();
-        let apart = pairs.map(|(joint, (one, other))| (joint, (one - other).abs()));
-        let largest =
-            |most: (usize, f64), next: (usize, f64)| if next.1 > most.1 { next } else { most };
-        let apart = apart.fold((0, 0.0), largest);
+    /// The joint with the largest difference, and that (rad; m where it slides), where no joint of an arm differs by more than is asked for.
+    pub fn too_near(&self, chain: &SerialChain, q: &[f64]) -> Option<(usize, f64)> {
+        let apart = chain.largest_difference(self.configuration_rad.as_slice(), q);
         (apart.1 <= self.within_rad).then_some(apart)
     }
 }

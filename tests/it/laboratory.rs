@@ -8,7 +8,7 @@ use elastocal::scenario::Scenario;
 use nalgebra::DVector;
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, project, scenario_text};
+use crate::support::{Workplace, number, numbers, project, scenario_text};
 
 const COLUMNS: &str =
     "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n";
@@ -207,6 +207,10 @@ fn programs_lead_to_the_plan_around_what_stands_in_the_way() {
             read_urscript(&workplace.read("out/s/lab/s.script"))
         };
         let stops = json["stops"].as_array().expect("stops");
+        // What hangs at the end is taken off before the robot goes back.
+        let last = told.iter().rposition(|each| matches!(each, Told::Log(_)));
+        let after = last.map(|last| &told[last + 1..]).expect("a stop");
+        assert!(matches!(after, [Told::Halt, .., Told::Move(_)]));
         let logged = logged(&told);
         assert_eq!(logged.len(), stops.len());
         let mut seen = vec![[0, 0]; plan.experiments.len()];
@@ -771,6 +775,35 @@ fn plans_by_minutes_count_the_loads_that_they_hang() {
     let lab = (workplace.run("lab s.toml --plan three.csv --json --quiet")).json();
     assert!(lab["minutes"].as_f64().expect("a number") < 44.0);
     assert!(rho0("--minutes 44") < three * 1.001);
+}
+
+/// Where the measurements of a configuration share one reading without a load, that is read once: a plan by minutes is no worse than those of
+/// other sizes that take no longer.
+#[test]
+fn plans_by_minutes_count_shared_readings_once() {
+    let workplace = Workplace::new();
+    let costs =
+        "\n[laboratory]\nstation_min = 20\nmove_min = 5\nload_change_min = 15\nreading_min = 2\n";
+    let [own, shared] = ["\"deflection\"", "\"position\"\nunloaded = \"shared\""];
+    let text = scenario_text("planar_3r").replacen(own, shared, 1) + costs;
+    workplace.write("s.toml", text);
+    let rho0_and_minutes = |options: &str| {
+        let json = workplace.json(&format!(
+            "plan s.toml --no-proof {options} --plan-out p.csv"
+        ));
+        let lab = workplace.json("lab s.toml --plan p.csv");
+        [number(&json["rho0_mm"]), number(&lab["minutes"])]
+    };
+    let [timed_mm, taken] = rho0_and_minutes("--minutes 120");
+    assert!(taken <= 120.0);
+    for size in [[4, 4], [12, 4], [16, 4], [6, 5], [10, 5], [6, 6]] {
+        let [measurements, configurations] = size;
+        let [rho0_mm, minutes] = rho0_and_minutes(&format!(
+            "--experiments {measurements} --configurations {configurations}"
+        ));
+        println!("{size:?}: {rho0_mm} mm in {minutes} min, {timed_mm} in {taken}");
+        assert!(minutes > 120.0 || timed_mm < 1.002 * rho0_mm, "{size:?}");
+    }
 }
 
 /// A plan by minutes repeats where that is cheap: it takes no longer, ways included, and predicts less error than as many

@@ -159,7 +159,11 @@ fn what_is_impossible_is_replaced() {
     for experiment in next {
         let q = numbers(&experiment["q_deg"]);
         let apart = (q.iter().zip(&impossible))
-            .map(|(one, other)| (one - other).abs())
+            .map(|(one, other)| {
+                // A whole turn is no other configuration.
+                let way = (one - other).abs() % 360.0;
+                way.min(360.0 - way)
+            })
             .fold(0.0, f64::max);
         assert!(apart > 12.0, "{apart} deg");
     }

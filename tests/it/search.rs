@@ -1,6 +1,7 @@
 //! The search for plans and its certificate, on the KR-270: the paper's problem (klimchik2012) and the
 //! laboratory's (kr270, with collisions and line of sight).
 
+use std::f64::consts::TAU;
 use std::sync::LazyLock;
 
 use elastocal::experiment::Loads;
@@ -478,9 +479,14 @@ fn forbidden_configurations_are_avoided() {
     let mut scenario = scenario("klimchik2012");
     let [plans, _] = &*PLANS;
     let free = &plans[1];
-    let forbid = |experiment: &Experiment| Forbidden {
-        configuration_rad: experiment.configuration_rad.clone(),
-        within_rad: 0.4,
+    // The arm stands alike after a whole turn.
+    let forbid = |experiment: &Experiment| {
+        let mut configuration_rad = experiment.configuration_rad.clone();
+        configuration_rad[5] -= TAU;
+        Forbidden {
+            configuration_rad,
+            within_rad: 0.4,
+        }
     };
     scenario.task.region.forbidden = free.plan.experiments.iter().map(forbid).collect();
     let before = Assessment::new(&scenario.task, &free.plan, None);
