@@ -53,6 +53,7 @@ codes! {
         NoProgram = "C0110",
         BelowBound = "C0111",
         LargeDeflection = "C0112",
+        NotMadeUp = "C0113",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

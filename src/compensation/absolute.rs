@@ -123,9 +123,11 @@ impl<'a> InverseKinematics<'a> {
             let mut ends: Option<Vec<[f64; 2]>> = None;
             for _ in 0..=ENDS {
                 let found = (self.search(target, start, ends.as_deref())).and_then(|stands| {
+                    // What joints are off by is told of their ranges alone.
+                    let stands = self.turned(stands, &near);
                     let commands = self.before_offsets(&stands, &target.load)?;
                     ends = Some(self.ends(&(stands - &commands)));
-                    self.within_range(commands, &near)
+                    self.within_range(commands)
                 });
                 match found {
                     Ok(commands) => return Ok(commands),
@@ -262,23 +264,30 @@ impl<'a> InverseKinematics<'a> {
         }
     }
 
-    /// The same commands with hinges turned by whole turns into their ranges, as near as can be to others.
-    fn within_range(
-        &self,
-        mut commands: DVector<f64>,
-        near: &DVector<f64>,
-    ) -> Result<DVector<f64>, Unreachable> {
+    /// The same configuration with hinges turned by whole turns into their ranges, or next to these, as near as can be to another one.
+    fn turned(&self, mut stands: DVector<f64>, near: &DVector<f64>) -> DVector<f64> {
         use std::f64::consts::TAU;
         for &joint in &self.commanded {
             let [low, high] = self.chain.joints[joint].range_rad;
-            let range = low - ROUNDING..=high + ROUNDING;
-            if !self.chain.joints[joint].drive.slides {
-                let own = commands[joint];
-                let nearest = own + TAU * ((near[joint] - own) / TAU).round();
-                let turns = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
-                let mut all = turns.iter().map(|turns| nearest + turns * TAU);
-                commands[joint] = all.find(|angle| range.contains(angle)).unwrap_or(nearest);
+            if self.chain.joints[joint].drive.slides {
+                continue;
             }
+            let own = stands[joint];
+            let nearest = own + TAU * ((near[joint] - own) / TAU).round();
+            let turns = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
+            let beyond = |angle: f64| (low - angle).max(angle - high).max(0.0);
+            let all = turns.iter().map(|turns| nearest + turns * TAU);
+            let best = all.min_by(|one, other| beyond(*one).total_cmp(&beyond(*other)));
+            stands[joint] = best.unwrap_or(nearest);
+        }
+        stands
+    }
+
+    /// The same commands, clear of rounding.
+    fn within_range(&self, mut commands: DVector<f64>) -> Result<DVector<f64>, Unreachable> {
+        for &joint in &self.commanded {
+            let [low, high] = self.chain.joints[joint].range_rad;
+            let range = low - ROUNDING..=high + ROUNDING;
             if !range.contains(&commands[joint]) {
                 return Err(Unreachable::BeyondRange {
                     joint,

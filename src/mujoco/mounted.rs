@@ -63,7 +63,7 @@ impl Model {
         let body = self.body_name(body);
         let found = spec.body_mut(&body).ok_or_else(|| {
             let problem = format!("the body {body:?} has no name in the file");
-            unsuitable(self.path(), problem)
+            unsuitable(self.path(), problem).hint("give it one, or a site, to carry a tool")
         });
         Ok((found?, body_from))
     }

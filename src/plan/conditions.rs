@@ -4,12 +4,12 @@ use nalgebra::{DMatrix, DVector};
 
 use super::{Experiment, ExperimentModel, Plan, posterior, rho0_m};
 use crate::codes::{Condition, ConditionCode};
-use crate::compensation::test_pose_matrix;
+use crate::compensation::{compensate_arm, test_pose_matrix};
 use crate::identification::UNKNOWN_COMPLIANCE;
 use crate::numeric::posterior::Posterior;
 use crate::parameter::{ParameterKind, ParameterSet};
-use crate::robot::Approach;
-use crate::task::{Belief, Task};
+use crate::robot::{Approach, EquilibriumSolver, Load};
+use crate::task::{Belief, Method, Task};
 use crate::text::wording::in_um;
 
 /// Configurations that differ by less than this in every joint (rad, m) hardly have discrepancies of their own.
@@ -20,6 +20,8 @@ const LITTLE_WORSE: f64 = 0.01;
 const NO_GAIN: f64 = 0.5;
 /// Deflections of more than this share of the reach are not small: what is predicted to first order errs by about as large a share of them.
 const SMALL: f64 = 0.05;
+/// What no command makes up for does not count below this share of the predicted accuracy.
+const MADE_UP: f64 = 0.1;
 /// So many pairs are named.
 const NAMED: usize = 4;
 
@@ -30,6 +32,7 @@ pub(super) fn conditions(task: &Task, plan: &Plan, rho0_m: Option<f64>) -> Vec<C
     };
     (near(task, plan, rho0_m).into_iter())
         .chain(no_gain(task, rho0_m))
+        .chain(not_made_up(task, rho0_m))
         .chain(bent_far(task, plan))
         .collect()
 }
@@ -172,6 +175,38 @@ fn bent_far(task: &Task, plan: &Plan) -> Option<Condition> {
             "the load of {what} bends the robot by {:.0} mm, {:.0} % of its reach, to first order, which is for small deflections",
             most_m * 1e3,
             share * 100.0
+        ))
+    })
+}
+
+/// Whether commanded joints cannot make up for what passive ones give, by the nominal robot.
+fn not_made_up(task: &Task, rho0_m: f64) -> Option<Condition> {
+    let arm = task.belief.arm();
+    if arm.chain.commanded().count() == arm.chain.len() {
+        return None;
+    }
+    let tool = arm.tools.len() - 1;
+    let mut solver = EquilibriumSolver::new(arm.chain.len());
+    let mut rest = |q: &DVector<f64>, load: &Load| {
+        let mut at_tool = arm.chain.at(&arm.tools[tool]);
+        let compliance = &arm.compliance_rad_per_nm;
+        (solver.solve(&mut at_tool, compliance, q.as_slice(), load)).ok()?;
+        let state = solver.state();
+        Some((state.tool_position, state.tool_rotation))
+    };
+    let mut square_m2 = 0.0;
+    for pose in &task.test_poses {
+        let (wanted_m, axes) = rest(&pose.configuration_rad, &Load::NONE)?;
+        let commanded = compensate_arm(&arm, tool, pose, Method::Nonlinear).ok()?;
+        let (stands_m, _) = rest(&commanded, &pose.load_at(&axes))?;
+        square_m2 += pose.weight * pose.counted(&(stands_m - wanted_m)).norm_squared();
+    }
+    let left_m = square_m2.sqrt();
+    (left_m > MADE_UP * rho0_m).then(|| {
+        ConditionCode::NotMadeUp.with(format!(
+            "no command makes up for what passive joints give: {} um are left of the nominal robot, beside rho0 = {} um",
+            in_um(left_m, 3),
+            in_um(rho0_m, 3)
         ))
     })
 }

@@ -1,15 +1,22 @@
 //! The predicted accuracy of commands for absolute targets.
 
-use nalgebra::{DVector, Isometry3, Matrix3xX};
+use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX};
 
 use super::known_parameters::{IdentifiedStation, known};
 use crate::files::FileError;
 use crate::identification::{DiscrepancyModel, IdentificationError, StoredRobot};
 use crate::numeric::posterior::Posterior;
-use crate::observation::{BareArm, PlannedReadings, ReadingErrors, Setup};
+use crate::observation::{
+    BareArm, ObservationModel, PlannedReadings, ReadingErrors, ReadingKind, Setup,
+};
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
 use crate::robot::Load;
 use crate::task::Belief;
+
+/// A parameter that is redundant with the unknowns at what was read moves a tool that was not read ...
+const OF_ITS_OWN: f64 = 0.05;
+/// ... by this share of what it moves by itself, and of the standard error: where that tool stands is then not determined.
+const OF_THE_ERROR: f64 = 0.1;
 
 /// What is known of where tools stand.
 #[derive(Debug, Clone)]
@@ -25,6 +32,10 @@ pub(super) struct KnownPlaces {
     /// What is known of both.
     posterior: Posterior,
     discrepancy: DiscrepancyModel,
+    /// The same parameters, then those that are redundant with them,
+    with_redundant: ParameterSet,
+    /// and how these change the others where what was read stays (p x r).
+    shifts: DMatrix<f64>,
     /// What is new at a visit by the planner's model, where no discrepancy was found, which consists of that.
     sources: Vec<ReadingSource>,
 }
@@ -60,7 +71,17 @@ impl KnownPlaces {
                 && !source.is_function()
                 && !matches!(source, ReadingSource::Range(_))
         };
+        let redundant = stored.redundant(&arm);
+        let own = places.iter().filter_map(|&place| kinds[place]);
+        let all = own.chain(redundant.iter().map(|each| each.0));
+        let with_redundant = ParameterSet::new(&arm, all.map(|kind| (kind, None)))
+            .map_err(|error| stored.wrong("left_out", error.to_string()))?;
+        let shifts = DMatrix::from_fn(places.len(), redundant.len(), |row, column| {
+            redundant[column].1[places[row]]
+        });
         Ok(Self {
+            with_redundant,
+            shifts,
             discrepancy: stored.discrepancy_model(&arm)?,
             sources: sources.filter(is_new).cloned().collect(),
             of_task: set.subset(&(places.len()..set.len()).collect::<Vec<_>>()),
@@ -100,7 +121,9 @@ impl KnownPlaces {
         model.uncompensated(load, &mut by_task);
         let mut rows = error.rows.insert_columns(own, of_task, 0.0);
         rows.columns_mut(own, of_task).copy_from(&by_task);
-        if self.posterior.variance_of(&rows).is_err() {
+        let is_determined = self.posterior.variance_of(&rows).is_ok()
+            && self.is_determined(setup, error.identified_m2.sqrt())?;
+        if !is_determined {
             return Ok(None);
         }
         let variances = self.posterior.covariance.diagonal();
@@ -119,6 +142,37 @@ impl KnownPlaces {
         Ok(Some(TargetAccuracy {
             mean_m: mean_m2.sqrt(),
             one_return_m: one_return_m2.sqrt(),
+        }))
+    }
+
+    /// Whether a tool stands where it does, but for its standard error (m), whatever the parameters are that are redundant with the unknowns.
+    /// Where the base's frame counts, it is what the first station sees of it.
+    fn is_determined(
+        &self,
+        setup: Setup,
+        standard_error_m: f64,
+    ) -> Result<bool, IdentificationError> {
+        if self.shifts.ncols() == 0 {
+            return Ok(true);
+        }
+        let (all, own) = (&self.with_redundant, self.set.len());
+        let last = self.arm.instrument_from_base.len() - 1;
+        let setup = Setup {
+            station: setup.station % last.max(1),
+            ..setup
+        };
+        let mut by = Matrix6xX::zeros(all.len());
+        (ObservationModel::new(all, &self.arm, all.prior().mean.as_slice()))
+            .predict(&setup, ReadingKind::Position, &mut by)
+            .map_err(|error| (0, error))?;
+        let alone = by.view((0, own), (3, all.len() - own));
+        let together = by.view((0, 0), (3, own)) * &self.shifts + alone;
+        let sizes = all.scales();
+        Ok((0..alone.ncols()).all(|place| {
+            let size = sizes[own + place];
+            let moved = together.column(place).norm() * size;
+            moved <= OF_ITS_OWN * alone.column(place).norm() * size
+                || moved <= OF_THE_ERROR * standard_error_m
         }))
     }
 }

@@ -1,11 +1,14 @@
 //! Compensated angles for absolute targets: MuJoCo's robot, commanded with them, stands where it should.
 
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::num::NonZeroU32;
 
 use elastocal::compensation::{AbsoluteTarget, InverseKinematics, Unreachable};
+use elastocal::identification::JointError;
 use elastocal::mujoco::Model;
-use elastocal::parameter::{GearWave, WaveError};
+use elastocal::numeric::markov::{Correlation, Kernel, MarkovProcess};
+use elastocal::parameter::{ElasticArm, GearWave, WaveError};
 use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
@@ -338,6 +341,99 @@ fn gears_and_gaps_are_corrected() {
     }
 }
 
+/// The zero of the last axis cannot be told from where the reflector is on the flange: a tool on that axis stands where it does all the same,
+/// and of one beside it nothing is known.
+#[test]
+fn a_tool_that_was_not_read_may_depend_on_what_is_redundant() {
+    for (machining, is_predicted) in [("spindle", true), ("side", false)] {
+        let place = Workplace::new();
+        let side =
+            "\n[[robot.tool]]\nname = \"side\"\non = \"spindle\"\nposition_mm = [100, 0, 0]\n";
+        let own = "machining_site = \"spindle\"";
+        let text = absolute_scenario_text("ur10")
+            .replace(own, &format!("machining_site = \"{machining}\""))
+            .replace("tool_height_min_mm = 300", "tool_height_min_mm = -2000")
+            .replace("tool_radius_min_mm = 400", "tool_radius_min_mm = 1");
+        place.write("s.toml", text + side);
+        let rows = (0..40).map(|number| spread_angles(number) + ",reflector\n");
+        place.write(
+            "plan.csv",
+            ANGLES.join(",") + ",target\n" + &rows.collect::<String>(),
+        );
+        place.run("measure s.toml --plan plan.csv --measurements-out m.csv --quiet");
+        let found = place
+            .run("identify s.toml --measurements m.csv --parameters zeros --identified-out i.json --json --quiet")
+            .json();
+        assert!(found["left_out"].to_string().contains("wrist_3.zero"));
+        place.write("t.csv", "x_mm,y_mm,z_mm\n600,300,500\n-500,400,700\n");
+        for (tool, is_predicted) in [("reflector", true), (machining, is_predicted)] {
+            let json = place
+                .run(&format!(
+                    "compensate s.toml --identified i.json --targets t.csv --frame base --tool {tool} --json --quiet"
+                ))
+                .json();
+            for target in json["targets"].as_array().expect("targets") {
+                assert!(target["q_commanded_deg"].is_array(), "{target}");
+                let predicted_mm = &target["predicted_mm"];
+                assert_eq!(predicted_mm.is_number(), is_predicted, "{tool}: {target}");
+            }
+        }
+    }
+}
+
+/// Where the first tool of an arm is whose joints are told to stand so (m).
+fn rests_m(arm: &ElasticArm, standing: &[f64]) -> Vector3<f64> {
+    let chain = arm.loaded_chain();
+    let mut solver = EquilibriumSolver::new(chain.len());
+    let (mut loaded, compliance) = (chain.at(&arm.tools[0]), &arm.compliance_rad_per_nm);
+    (solver.solve(&mut loaded, compliance, standing, &Load::NONE)).expect("it rests");
+    solver.state().tool_position
+}
+
+/// A search that ends a whole turn away commands a joint within its range, by what the joint is off by there.
+#[test]
+fn errors_of_joints_are_those_within_their_ranges() {
+    let scenario = scenario("kr270");
+    let arm = scenario.task.belief.arm();
+    let stands = scenario.task.test_poses[0].configuration_rad.clone();
+    let joint = 1;
+    let kernel = Kernel {
+        correlation: Correlation::Exponential,
+        length: 0.5,
+        period: None,
+    };
+    let process = MarkovProcess {
+        knots: vec![stands[joint] - 0.4, stands[joint] + 0.5],
+        kernel,
+    };
+    let errors = [JointError {
+        joint,
+        turn_about: None,
+        process,
+        deviation: 1e-3,
+        repeatability: 0.0,
+        values: vec![1e-3, 2e-3],
+        spread_of_positions: Vec::new(),
+        spread_of_rotations: Vec::new(),
+    }];
+    let target = AbsoluteTarget {
+        position_m: rests_m(&arm, stands.as_slice()),
+        rotation: None,
+        load: Load::NONE,
+    };
+    for turns in [0.0, 1.0, -1.0] {
+        let mut start = stands.clone();
+        start[joint] += turns * TAU;
+        let found = InverseKinematics::new(&arm, 0, &errors).commands(&target, &[start]);
+        let mut standing = found.expect("commands");
+        let off = errors[0].at(standing.as_slice());
+        assert!(off > 5e-4, "{off}");
+        standing[joint] += off;
+        let off_m = (rests_m(&arm, standing.as_slice()) - target.position_m).norm();
+        assert!(off_m < 1e-9, "{turns}: {off_m}");
+    }
+}
+
 /// What joints stand off changes nearly as fast as they turn: the tool is where it should be all the same. Where it changes faster, a
 /// command is right, or there is none.
 #[test]
@@ -352,14 +448,7 @@ fn steep_gear_errors_are_corrected_or_refused() {
             wave: GearWave::both(per_turn)[0],
             amplitude_rad: slope / 360.0,
         }];
-        let chain = arm.loaded_chain();
-        let mut solver = EquilibriumSolver::new(chain.len());
-        let mut place = |standing: &[f64]| {
-            let mut loaded = chain.at(&arm.tools[0]);
-            let compliance = &arm.compliance_rad_per_nm;
-            (solver.solve(&mut loaded, compliance, standing, &Load::NONE)).expect("it rests");
-            solver.state().tool_position
-        };
+        let place = |standing: &[f64]| rests_m(&arm, standing);
         let mut refused = 0;
         for number in 0..12 {
             let stands = stands.add_scalar(0.003 * f64::from(number));

@@ -122,7 +122,8 @@ impl Compensate {
         );
         if !robot.stations.is_empty() && !robot.found_tools[tool] {
             text += &format!(
-                "The place of {name:?} on its link was not read: it is the nominal one.\n"
+                "The place of {name:?} on its link was not read: it is the nominal one. No accuracy is predicted where it depends on what \
+                 was left out as redundant with the places that were read.\n"
             );
         }
         if !robot.stations.is_empty() {

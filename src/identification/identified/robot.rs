@@ -188,6 +188,18 @@ impl StoredRobot {
         Ok(set.apply(arm, &values))
     }
 
+    /// What was left out as redundant with other unknowns: each with by how much these, in their order, change for one unit of it.
+    pub fn redundant(&self, arm: &ElasticArm) -> Vec<(ParameterKind, &[f64])> {
+        let all = ParameterKind::of_robot(arm);
+        let left_out = self.message.left_out.iter();
+        let found = left_out.filter_map(|each| {
+            let kind = ParameterKind::named(&each.name, &all, arm)?;
+            (each.shift.len() == self.message.unknowns.len())
+                .then_some((kind, each.shift.as_slice()))
+        });
+        found.collect()
+    }
+
     /// What is wrong with a key of the file.
     pub(crate) fn wrong(&self, key: impl Into<String>, problem: String) -> FileError {
         (FileError::new(&self.path, problem).at(key)).code(ErrorCode::IdentifiedFile)
