@@ -1,5 +1,6 @@
 //! A plan that was carried out once on the virtual robot, as a record.
 
+use nalgebra::Vector3;
 use serde::{Serialize, Serializer};
 use serde_json::json;
 
@@ -12,6 +13,7 @@ use crate::codes::Condition;
 use crate::identification::{AbsoluteMessage, IdentificationMessage, MeasurementResidual};
 use crate::measurement::AbsoluteReading;
 use crate::task::Belief;
+use crate::text::wording::naming;
 
 /// One run from plan to compensated test poses.
 #[derive(Debug, Clone, Serialize)]
@@ -83,6 +85,49 @@ impl RunMessage {
                 .collect(),
             conditions,
         }
+    }
+
+    /// How often something was read.
+    pub const fn readings(&self) -> usize {
+        match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => measurements.len(),
+            MeasuredMessage::Readings { measurements, .. } => measurements.len(),
+        }
+    }
+
+    /// What a row of the plan, numbered from 1, is.
+    pub fn row_title(&self, number: usize) -> String {
+        let rows = self.plan.len();
+        let row = self.plan.get(number - 1);
+        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
+            return format!("experiment {number} of {rows}");
+        };
+        let target = naming(&reads.target, ": {}");
+        let station = naming(&reads.station, " from {}");
+        format!("row {number} of {rows}{target}{station}")
+    }
+
+    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
+    pub fn as_read(
+        &self,
+        index: usize,
+        vector_mm: Option<[f64; 3]>,
+    ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
+        let vector_mm = vector_mm?;
+        let along = match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => {
+                let direction = measurements.get(index).and_then(|each| each.direction);
+                direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
+            }
+            MeasuredMessage::Readings { measurements, .. } => {
+                let length = measurements.get(index).and_then(|each| each.length);
+                length.map(|_| vector_mm[0])
+            }
+        };
+        Some(match along {
+            Some(along) => (None, Some(along)),
+            None => (Some(vector_mm), None),
+        })
     }
 }
 

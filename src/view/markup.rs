@@ -21,7 +21,10 @@ const TEMPLATES: [(&str, &str); 10] = [
     ("run_sheet.html", include_str!("pages/run_sheet.html")),
 ];
 /// The style of all pages.
-const STYLE: &str = include_str!("pages/style.css");
+const STYLE: &str = concat!(
+    include_str!("pages/style.css"),
+    include_str!("pages/dark_series.css")
+);
 
 /// A page could not be made of its template.
 #[derive(Debug, Error)]
@@ -52,6 +55,7 @@ impl Templates {
         pages.add_filter("significant", |value: Option<f64>, digits: usize| {
             value.map_or_else(dash, |value| significant(value, digits))
         });
+        pages.add_filter("vectors", |text: String| with_whole_vectors(&text));
         pages.add_filter("unit", |text: String| micro_sign(&text));
         for (name, text) in TEMPLATES {
             pages.add_template(name, text)?;
@@ -116,15 +120,12 @@ pub fn unbroken(text: &str) -> String {
     text.replace(' ', "\u{a0}")
 }
 
-/// Text whose lines do not end between parentheses, where it has vectors.
-pub fn with_unbroken_vectors(text: &str) -> String {
+/// Text whose lines do not end between parentheses, where it has vectors, and with their signs as pages have them.
+fn with_whole_vectors(text: &str) -> String {
     let parts = text.split_inclusive(['(', ')']);
-    let whole = |part: &str| {
-        if part.ends_with(')') {
-            unbroken(part)
-        } else {
-            part.to_owned()
-        }
+    let whole = |part: &str| match part.ends_with(')') {
+        true => unbroken(part).replace('-', "\u{2212}"),
+        false => part.to_owned(),
     };
     parts.map(whole).collect()
 }

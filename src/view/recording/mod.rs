@@ -26,7 +26,7 @@ pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
 use steps::{Stage, enlarge};
 
 /// The eye is so many times as far away as what it sees is large.
-const EYE_AWAY: f64 = 2.2;
+const EYE_AWAY: f64 = 1.8;
 
 /// One calibration or several of one scenario, ready to be written.
 #[derive(Debug, Clone)]

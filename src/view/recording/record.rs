@@ -1,9 +1,6 @@
 //! What was planned, read and identified, as recordings show it.
 
-use nalgebra::Vector3;
-
 use crate::record::run::{MeasuredMessage, RunMessage};
-use crate::text::wording::naming;
 
 /// A vector of one reading as far as it is known.
 #[derive(Debug, Clone, Copy)]
@@ -19,26 +16,6 @@ pub struct ShownVector {
 }
 
 impl RunMessage {
-    /// How often something was read.
-    pub const fn readings(&self) -> usize {
-        match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => measurements.len(),
-            MeasuredMessage::Readings { measurements, .. } => measurements.len(),
-        }
-    }
-
-    /// What a row of the plan, numbered from 1, is.
-    pub fn row_title(&self, number: usize) -> String {
-        let rows = self.plan.len();
-        let row = self.plan.get(number - 1);
-        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
-            return format!("experiment {number} of {rows}");
-        };
-        let target = naming(&reads.target, ": {}");
-        let station = naming(&reads.station, " from {}");
-        format!("row {number} of {rows}{target}{station}")
-    }
-
     /// The group of curves of what was read, and its name.
     pub const fn curves(&self) -> [&'static str; 2] {
         match self.measured {
@@ -98,28 +75,5 @@ impl RunMessage {
             })
         };
         vectors.into_iter().filter_map(shown).collect()
-    }
-
-    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
-    pub fn as_read(
-        &self,
-        index: usize,
-        vector_mm: Option<[f64; 3]>,
-    ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
-        let vector_mm = vector_mm?;
-        let along = match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => {
-                let direction = measurements.get(index).and_then(|each| each.direction);
-                direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
-            }
-            MeasuredMessage::Readings { measurements, .. } => {
-                let length = measurements.get(index).and_then(|each| each.length);
-                length.map(|_| vector_mm[0])
-            }
-        };
-        Some(match along {
-            Some(along) => (None, Some(along)),
-            None => (Some(vector_mm), None),
-        })
     }
 }

@@ -4,16 +4,17 @@ use serde_json::{Value, json};
 
 use super::PlanPage;
 use super::cards::{conditions_card, readings_cards, verdict_card};
-use super::distances::{distances_figure, lines, numbers};
+use super::distances::{distances, lines};
 use super::test_poses::test_poses;
 use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
+use crate::text::table::RecordTable;
 use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page, micro_sign};
-use crate::view::tables::{self, RecordTable};
+use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
 
 /// Which accuracy a page of absolute readings is about.
@@ -74,8 +75,7 @@ fn of_trials(trials: &RobotTrials) -> Value {
     json!({
         "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,
-        "figure": distances_figure(&lines),
-        "table": numbers(&lines),
+        "distances": distances(&lines),
     })
 }
 

@@ -99,7 +99,7 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     ]);
     Horizontal::new([
         layout.space(),
-        beside.with_row_shares([1.0, 1.3, 0.87]).into(),
+        beside.with_row_shares([0.85, 1.5, 0.85]).into(),
     ])
     .with_column_shares([2.2, 1.0])
     .into()
@@ -107,10 +107,11 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
 
 /// Logs a recording with its layout, for a file or a viewer.
 pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
+    let steps = recording.steps().count();
     let clock = Clock {
         timeline: STEP,
         // The legend has its place behind the last step.
-        range: [0, recording.steps().count() / 6 * 7 + 1],
+        range: [0, steps + steps / 6 + 1],
         per_second: 0.5,
         play_state: PlayState::Playing,
     };

@@ -5,9 +5,10 @@ use nalgebra::Vector3;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::run::MeasuredMessage;
 use crate::text::markdown_text;
+use crate::text::table::RecordTable;
 use crate::text::wording::{listed, micrometres, number};
 use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
-use crate::view::tables::{self, RecordTable};
+use crate::view::tables;
 
 /// What the robot does in a step.
 pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
