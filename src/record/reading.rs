@@ -1,5 +1,8 @@
 //! What was read once, in its place in the plan, with what identification leaves of it.
 
+use std::ops::Range;
+
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -67,10 +70,16 @@ pub struct MeasurementRecord {
 }
 
 impl RunMessage {
-    /// What was read for the `repeat`-th time in a row of the plan, both numbered from 1, and is the `index`-th of all; nothing where there
-    /// are not as many.
-    pub fn read_once(&self, row: usize, repeat: usize, index: usize) -> Option<ReadOnce<'_>> {
-        let read = |vector_mm| self.as_read(index, vector_mm).unwrap_or_default();
+    /// What was read in a row of the plan, numbered from 1: these of all readings.
+    pub fn read_in(&self, row: usize, these: Range<usize>) -> impl Iterator<Item = ReadOnce<'_>> {
+        (1..)
+            .zip(these)
+            .map_while(move |(repeat, index)| self.read_once(row, repeat, index))
+    }
+
+    /// What was read for the `repeat`-th time in a row, and is the `index`-th of all; nothing where there are not as many.
+    fn read_once(&self, row: usize, repeat: usize, index: usize) -> Option<ReadOnce<'_>> {
+        let read = |vector_mm| self.as_read(index, vector_mm);
         match &self.measured {
             MeasuredMessage::Deflections {
                 measurements,
@@ -118,6 +127,31 @@ impl RunMessage {
                     length_residual_mm,
                 })))
             }
+        }
+    }
+
+    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
+    fn as_read(
+        &self,
+        index: usize,
+        vector_mm: Option<[f64; 3]>,
+    ) -> (Option<[f64; 3]>, Option<f64>) {
+        let Some(whole_mm) = vector_mm else {
+            return (None, None);
+        };
+        let along = match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => {
+                let direction = measurements.get(index).and_then(|each| each.direction);
+                direction.map(|along| Vector3::from(along).dot(&Vector3::from(whole_mm)))
+            }
+            MeasuredMessage::Readings { measurements, .. } => {
+                let length = measurements.get(index).and_then(|each| each.length);
+                length.map(|_| whole_mm[0])
+            }
+        };
+        match along {
+            Some(along) => (None, Some(along)),
+            None => (vector_mm, None),
         }
     }
 }

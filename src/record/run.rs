@@ -1,6 +1,5 @@
 //! A plan that was carried out once on the virtual robot, as a record.
 
-use nalgebra::Vector3;
 use serde::{Serialize, Serializer};
 use serde_json::json;
 
@@ -105,29 +104,6 @@ impl RunMessage {
         let target = naming(&reads.target, ": {}");
         let station = naming(&reads.station, " from {}");
         format!("row {number} of {rows}{target}{station}")
-    }
-
-    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
-    pub fn as_read(
-        &self,
-        index: usize,
-        vector_mm: Option<[f64; 3]>,
-    ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
-        let vector_mm = vector_mm?;
-        let along = match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => {
-                let direction = measurements.get(index).and_then(|each| each.direction);
-                direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
-            }
-            MeasuredMessage::Readings { measurements, .. } => {
-                let length = measurements.get(index).and_then(|each| each.length);
-                length.map(|_| vector_mm[0])
-            }
-        };
-        Some(match along {
-            Some(along) => (None, Some(along)),
-            None => (Some(vector_mm), None),
-        })
     }
 }
 

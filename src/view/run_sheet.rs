@@ -52,13 +52,17 @@ pub fn run_sheet(
             "joints": joints.collect::<Vec<_>>(),
         })
     };
-    let mut first = 0;
+    let (mut first, mut hung) = (0, Vec::new());
     let is_on = |_: &Stop, next: &Stop| !next.changes_load && !next.changes_station;
     let groups = campaign.stops.chunk_by(is_on).map(|group| {
         let (stop, indices) = (&group[0], first..first + group.len());
         let station = stop.station.as_ref().filter(|_| stop.changes_station);
         let hang = hang(scenario, campaign.load_before(first), stop).map(|mut hang| {
-            hang["picture"] = pictures[stop.experiments[0]].load.as_str().into();
+            // Where a load hangs is shown once.
+            let is_new = !hung.contains(&stop.load.as_ref());
+            let picture = is_new.then(|| &*pictures[stop.experiments[0]].load);
+            hang["picture"] = picture.into();
+            hung.push(stop.load.as_ref());
             hang
         });
         first = indices.end;

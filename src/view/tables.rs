@@ -129,7 +129,8 @@ pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
     let swept = swept(plans);
     let shows_failed = !with_random || plans.iter().any(|runs| runs.failed > 0);
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
+    let interval =
+        |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to\u{a0}{:.3}", low * 1e3, high * 1e3);
     let rows = plans.iter().map(|runs| {
         let mut row = vec![runs.name.clone()];
         row.extend(swept.iter().map(|(_, value)| value(runs)));
@@ -156,7 +157,7 @@ pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
     });
     let failed = if shows_failed { " | failed" } else { "" };
     let random = if with_random {
-        " | better than random by (95 % interval)"
+        " | times as accurate as random"
     } else {
         ""
     };

@@ -228,14 +228,13 @@ impl<W: Write + Seek> Channels<W> {
             return Ok(now + minutes(costs.reading_min));
         };
         let all = &calibration.record;
-        for (repeat, index) in (1..).zip(measurements.clone()) {
+        for read in all.read_in(*number, measurements.clone()) {
             now += minutes(costs.reading_min);
-            match all.read_once(*number, repeat, index) {
-                Some(ReadOnce::Deflection(each)) => {
+            match read {
+                ReadOnce::Deflection(each) => {
                     self.write_of(&MEASUREMENTS, now, &all.name, each)?;
                 }
-                Some(ReadOnce::Position(each)) => self.write_of(&READINGS, now, &all.name, each)?,
-                None => break,
+                ReadOnce::Position(each) => self.write_of(&READINGS, now, &all.name, each)?,
             }
         }
         Ok(now)

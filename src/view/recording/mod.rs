@@ -23,6 +23,7 @@ use crate::testbed::Truth;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
+pub use record::shown;
 use steps::{Stage, enlarge};
 
 /// The eye is so many times as far away as what it sees is large.

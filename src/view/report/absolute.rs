@@ -12,6 +12,7 @@ use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage}
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::table::RecordTable;
+use crate::text::wording::significant;
 use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page, micro_sign};
 use crate::view::tables;
@@ -84,7 +85,7 @@ fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
     let rows = unknowns.iter().map(|unknown| {
         let (factor, unit) = shown_unit(&unknown.unit);
         let error = unknown.standard_error;
-        let error = error.map(|error| format!("{:.3e}", error * factor));
+        let error = error.map(|error| significant(error * factor, 3));
         vec![
             unknown.name.clone(),
             error.unwrap_or_else(|| "not by itself".to_owned()),

@@ -17,8 +17,9 @@ use re_sdk::log::ChunkBatcherConfig;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
 
-use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind, shown};
 use crate::files::{FileError, output::write_whole};
+use crate::record::reading::ReadOnce;
 use blueprint::{Clock, Layout};
 
 /// Whether a stream took what was logged.
@@ -176,16 +177,24 @@ fn log_step(
 type Groups = Vec<(&'static str, [Option<f64>; 4])>;
 
 fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
-    let StepKind::Experiment { measurements, .. } = &step.kind else {
+    let StepKind::Experiment {
+        number,
+        measurements,
+    } = &step.kind
+    else {
         return Vec::new();
     };
-    let groups = |index: usize| {
-        let shown = calibration.record.shown(index).into_iter();
-        shown.filter_map(|each| {
+    let groups = |read: ReadOnce<'_>| {
+        let shown = shown(&read).into_iter();
+        let shown = shown.filter_map(|each| {
             let [x, y, z] = each.vector_mm.map_or([None; 3], |vector| vector.map(Some));
             Some((each.group?, [x, y, z, each.along_mm]))
-        })
+        });
+        shown.collect()
     };
-    let measured = measurements.clone();
-    measured.map(|index| groups(index).collect()).collect()
+    let record = &calibration.record;
+    record
+        .read_in(*number, measurements.clone())
+        .map(groups)
+        .collect()
 }
