@@ -120,12 +120,12 @@ pub fn unbroken(text: &str) -> String {
     text.replace(' ', "\u{a0}")
 }
 
-/// Text whose lines do not end between parentheses, where it has vectors, and with their signs as pages have them.
+/// Text whose lines do not end between parentheses, where it has vectors, and with the signs of pages.
 fn with_whole_vectors(text: &str) -> String {
     let parts = text.split_inclusive(['(', ')']);
     let whole = |part: &str| match part.ends_with(')') {
         true => unbroken(part).replace('-', "\u{2212}"),
-        false => part.to_owned(),
+        false => part.replace(" -", " \u{2212}"),
     };
     parts.map(whole).collect()
 }

@@ -8,6 +8,9 @@ use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::study::selection::{Chosen, Selection, choice_name};
 use crate::text::wording::{counted, listed, naming};
 
+/// The marks of the lines of a budget, by turns; that of plans whose configurations are all different is a dot.
+const MARKS: [Mark; 3] = [Mark::Square, Mark::Triangle, Mark::Diamond];
+
 /// What the plot of a budget shows.
 pub struct BudgetPlot<'a> {
     /// The best plans that were found.
@@ -37,10 +40,15 @@ impl BudgetPlot<'_> {
             let is_of =
                 |point: &BudgetPoint| point.configurations == count.unwrap_or(point.experiments);
             let line = (0..points.len()).filter(|&index| is_of(&points[index]));
+            let line: Vec<(f64, f64)> = line.filter_map(at).collect();
             let colour = COLOURS[index % COLOURS.len()];
-            Series::new(&name, colour, Mark::Dotted, line.filter_map(at))
+            // Where lines lie on one another, the marks of those below look out.
+            let mark = count.map_or(Mark::Dot, |_| MARKS[index % MARKS.len()]);
+            [("", Mark::Line), (&*name, mark)]
+                .map(|(name, mark)| Series::new(name, colour, mark, line.iter().copied()))
         };
-        let mut series: Vec<Series> = lines.chain([None]).enumerate().map(line).collect();
+        let lines = lines.chain([None]).enumerate().flat_map(line);
+        let mut series: Vec<Series> = lines.collect();
         if self.minutes.is_none() {
             let mut bound: Vec<(f64, f64)> = (points.iter())
                 .filter_map(|point| {

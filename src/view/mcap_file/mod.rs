@@ -24,11 +24,9 @@ use serde_json::Value;
 
 use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
-use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::laboratory::Costs;
-use crate::record::messages::{PlanRowMessage, ProvenanceMessage, thousandfold};
-use crate::record::reading::ReadOnce;
-use crate::record::run::MeasuredMessage;
+use crate::record::messages::{ProvenanceMessage, thousandfold};
+use crate::record::recorded::{Identified, PlanRows, ReadOnce};
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -56,33 +54,6 @@ struct OfPlan<'a, T> {
     /// What is said of it.
     #[serde(flatten)]
     said: T,
-}
-
-/// A plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct PlanRows<'a> {
-    /// The experiments, or the rows of absolute readings.
-    plan: &'a [PlanRowMessage],
-}
-
-/// What was identified with a plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct IdentificationRecord<'a> {
-    /// The results.
-    #[serde(flatten)]
-    identification: &'a IdentificationMessage,
-    /// The virtual robot's compliances in this run; identification does not see them.
-    true_compliance_rad_per_nm: &'a [f64],
-}
-
-/// What was identified with a plan of absolute readings.
-#[derive(Debug, Serialize, JsonSchema)]
-struct IdentifiedReadings<'a> {
-    /// The results.
-    #[serde(flatten)]
-    identification: &'a AbsoluteMessage,
-    /// The simulated truth of the unknowns in this run, in their order; null where a run does not say it.
-    true_values: Vec<Option<f64>>,
 }
 
 /// What the virtual robot does in a step.
@@ -247,21 +218,12 @@ impl<W: Write + Seek> Channels<W> {
         now: Duration,
     ) -> Result<(), McapError> {
         let all = &calibration.record;
-        match &all.measured {
-            MeasuredMessage::Deflections { identification, .. } => {
-                let identification = IdentificationRecord {
-                    identification,
-                    true_compliance_rad_per_nm: &all.truth.compliance_rad_per_nm,
-                };
-                self.write_of(&IDENTIFICATION, now, &all.name, identification)?;
+        match all.identified() {
+            Identified::Deflections(each) => {
+                self.write_of(&IDENTIFICATION, now, &all.name, each)?
             }
-            MeasuredMessage::Readings { identification, .. } => {
-                let unknowns = all.truth.unknowns.iter().flatten();
-                let identification = IdentifiedReadings {
-                    identification,
-                    true_values: unknowns.map(|each| each.value).collect(),
-                };
-                self.write_of(&IDENTIFIED_READINGS, now, &all.name, identification)?;
+            Identified::Readings(each) => {
+                self.write_of(&IDENTIFIED_READINGS, now, &all.name, each)?;
             }
         }
         for pose in &all.test_poses {

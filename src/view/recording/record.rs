@@ -2,7 +2,7 @@
 
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::record::reading::ReadOnce;
+use crate::record::recorded::ReadOnce;
 use crate::record::run::{MeasuredMessage, RunMessage};
 
 /// The groups of curves.

@@ -19,7 +19,7 @@ use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
 
 use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind, shown};
 use crate::files::{FileError, output::write_whole};
-use crate::record::reading::ReadOnce;
+use crate::record::recorded::ReadOnce;
 use blueprint::{Clock, Layout};
 
 /// Whether a stream took what was logged.
@@ -100,7 +100,7 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     ]);
     Horizontal::new([
         layout.space(),
-        beside.with_row_shares([0.85, 1.5, 0.85]).into(),
+        beside.with_row_shares([1.05, 1.4, 0.8]).into(),
     ])
     .with_column_shares([2.2, 1.0])
     .into()

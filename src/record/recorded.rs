@@ -1,4 +1,5 @@
-//! What was read once, in its place in the plan, with what identification leaves of it.
+//! What recordings hold of a run, message by message: the plan, what was read once with what identification leaves of it, and what was
+//! identified.
 
 use std::ops::Range;
 
@@ -7,8 +8,45 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use super::length::LengthField;
-use super::messages::{MeasurementMessage, thousandfold};
+use super::messages::{MeasurementMessage, PlanRowMessage, thousandfold};
 use super::run::{MeasuredMessage, RunMessage, quaternion};
+use crate::identification::{AbsoluteMessage, IdentificationMessage};
+
+/// A plan.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct PlanRows<'a> {
+    /// The experiments, or the rows of absolute readings.
+    pub plan: &'a [PlanRowMessage],
+}
+
+/// What was identified with a plan.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct IdentificationRecord<'a> {
+    /// The results.
+    #[serde(flatten)]
+    pub identification: &'a IdentificationMessage,
+    /// The virtual robot's compliances in this run; identification does not see them.
+    pub true_compliance_rad_per_nm: &'a [f64],
+}
+
+/// What was identified with a plan of absolute readings.
+#[derive(Debug, Serialize, JsonSchema)]
+pub struct IdentifiedReadings<'a> {
+    /// The results.
+    #[serde(flatten)]
+    pub identification: &'a AbsoluteMessage,
+    /// The simulated truth of the unknowns in this run, in their order; null where a run does not say it.
+    pub true_values: Vec<Option<f64>>,
+}
+
+/// What was identified in a run.
+#[derive(Debug)]
+pub enum Identified<'a> {
+    /// From deflections.
+    Deflections(IdentificationRecord<'a>),
+    /// From absolute readings.
+    Readings(IdentifiedReadings<'a>),
+}
 
 /// A reading of a run.
 #[derive(Debug)]
@@ -70,6 +108,25 @@ pub struct MeasurementRecord {
 }
 
 impl RunMessage {
+    /// What was identified, beside the simulated truth.
+    pub fn identified(&self) -> Identified<'_> {
+        match &self.measured {
+            MeasuredMessage::Deflections { identification, .. } => {
+                Identified::Deflections(IdentificationRecord {
+                    identification,
+                    true_compliance_rad_per_nm: &self.truth.compliance_rad_per_nm,
+                })
+            }
+            MeasuredMessage::Readings { identification, .. } => {
+                let unknowns = self.truth.unknowns.iter().flatten();
+                Identified::Readings(IdentifiedReadings {
+                    identification,
+                    true_values: unknowns.map(|each| each.value).collect(),
+                })
+            }
+        }
+    }
+
     /// What was read in a row of the plan, numbered from 1: these of all readings.
     pub fn read_in(&self, row: usize, these: Range<usize>) -> impl Iterator<Item = ReadOnce<'_>> {
         (1..)
