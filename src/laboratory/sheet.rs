@@ -44,12 +44,12 @@ pub struct SheetLine {
 
 /// Stops and columns of a run sheet.
 #[derive(Debug, Clone, Copy)]
-pub struct Sheet<'a> {
+pub struct RunSheet<'a> {
     commands: &'a Commands,
     campaign: &'a Campaign,
 }
 
-impl<'a> Sheet<'a> {
+impl<'a> RunSheet<'a> {
     /// Of a campaign.
     pub const fn new(commands: &'a Commands, campaign: &'a Campaign) -> Self {
         Self { commands, campaign }

@@ -41,7 +41,7 @@ pub struct IdentifiedReadings<'a> {
 
 /// What was identified in a run.
 #[derive(Debug)]
-pub enum Identified<'a> {
+pub enum IdentifiedOnce<'a> {
     /// From deflections.
     Deflections(IdentificationRecord<'a>),
     /// From absolute readings.
@@ -109,17 +109,17 @@ pub struct MeasurementRecord {
 
 impl RunMessage {
     /// What was identified, beside the simulated truth.
-    pub fn identified(&self) -> Identified<'_> {
+    pub fn identified(&self) -> IdentifiedOnce<'_> {
         match &self.measured {
             MeasuredMessage::Deflections { identification, .. } => {
-                Identified::Deflections(IdentificationRecord {
+                IdentifiedOnce::Deflections(IdentificationRecord {
                     identification,
                     true_compliance_rad_per_nm: &self.truth.compliance_rad_per_nm,
                 })
             }
             MeasuredMessage::Readings { identification, .. } => {
                 let unknowns = self.truth.unknowns.iter().flatten();
-                Identified::Readings(IdentifiedReadings {
+                IdentifiedOnce::Readings(IdentifiedReadings {
                     identification,
                     true_values: unknowns.map(|each| each.value).collect(),
                 })

@@ -123,9 +123,12 @@ pub fn unbroken(text: &str) -> String {
 /// Text whose lines do not end between parentheses, where it has vectors, and with the signs of pages.
 fn with_whole_vectors(text: &str) -> String {
     let parts = text.split_inclusive(['(', ')']);
-    let whole = |part: &str| match part.ends_with(')') {
-        true => unbroken(part).replace('-', "\u{2212}"),
-        false => part.replace(" -", " \u{2212}"),
+    let whole = |part: &str| {
+        if part.ends_with(')') {
+            unbroken(part).replace('-', "\u{2212}")
+        } else {
+            part.replace(" -", " \u{2212}")
+        }
     };
     parts.map(whole).collect()
 }

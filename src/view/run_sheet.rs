@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 
 use super::markup::{PageError, Templates};
 use super::stills::Stills;
-use crate::laboratory::sheet::{Sheet, columns, reads_positions, shows};
+use crate::laboratory::sheet::{RunSheet, columns, reads_positions, shows};
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_up, take_off};
 use crate::record::campaign::campaign_json;
 use crate::record::messages::ProvenanceMessage;
@@ -30,7 +30,7 @@ pub fn run_sheet(
     let plan = &stills.plan;
     let templates = Templates::new()?;
     let pictures = stills.pictures(&templates)?;
-    let sheet = Sheet::new(&commands, campaign);
+    let sheet = RunSheet::new(&commands, campaign);
     let places = sheet.places();
     let columns = columns(task);
     let place = |place: &Vec<usize>| {

@@ -26,7 +26,7 @@ use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::messages::{ProvenanceMessage, thousandfold};
-use crate::record::recorded::{Identified, PlanRows, ReadOnce};
+use crate::record::recorded::{IdentifiedOnce, PlanRows, ReadOnce};
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -205,7 +205,9 @@ impl<W: Write + Seek> Channels<W> {
                 ReadOnce::Deflection(each) => {
                     self.write_of(&MEASUREMENTS, now, &all.name, each)?;
                 }
-                ReadOnce::Position(each) => self.write_of(&READINGS, now, &all.name, each)?,
+                ReadOnce::Position(each) => {
+                    self.write_of(&READINGS, now, &all.name, each)?;
+                }
             }
         }
         Ok(now)
@@ -219,10 +221,10 @@ impl<W: Write + Seek> Channels<W> {
     ) -> Result<(), McapError> {
         let all = &calibration.record;
         match all.identified() {
-            Identified::Deflections(each) => {
-                self.write_of(&IDENTIFICATION, now, &all.name, each)?
+            IdentifiedOnce::Deflections(each) => {
+                self.write_of(&IDENTIFICATION, now, &all.name, each)?;
             }
-            Identified::Readings(each) => {
+            IdentifiedOnce::Readings(each) => {
                 self.write_of(&IDENTIFIED_READINGS, now, &all.name, each)?;
             }
         }
