@@ -3,8 +3,8 @@
 use crate::identification::DistanceStatistics;
 use crate::observation::LengthKind;
 use crate::task::Instrument;
+pub use crate::text::table::aligned;
 use crate::text::wording::{self, joined};
-pub use crate::view::tables::aligned;
 
 /// A table whose header has the names of its columns between bars.
 pub fn table(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {

@@ -8,6 +8,7 @@
 //! - [`next`]: what to measure next, after some of a plan is measured.
 //! - [`validation`]: whether a robot is as accurate as its identification predicts.
 //! - [`Dialect`], [`Program`]: the robot's program; dialects are data.
+//! - [`sheet`]: what a person does and writes down at each stop.
 //! - [`program_to`]: back on the robot, a program that leads to compensated test poses.
 
 mod campaign;
@@ -18,6 +19,7 @@ pub mod next;
 mod order;
 mod program;
 mod settings;
+pub mod sheet;
 mod side;
 mod targets;
 pub mod time;

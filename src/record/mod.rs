@@ -2,6 +2,7 @@
 //!
 //! - [`run`]: a plan that was carried out once; [`messages`]: the parts of it, the predicted accuracy of a plan, and where results come
 //!   from; `--json`, results.json and the MCAP file share them.
+//! - [`recorded`]: what recordings hold of a run.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -18,6 +19,7 @@ pub mod joint_error_table;
 pub mod length;
 pub mod messages;
 pub mod model_selection;
+pub mod recorded;
 pub mod robot_trials;
 pub mod run;
 pub mod selection;

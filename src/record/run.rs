@@ -12,6 +12,7 @@ use crate::codes::Condition;
 use crate::identification::{AbsoluteMessage, IdentificationMessage, MeasurementResidual};
 use crate::measurement::AbsoluteReading;
 use crate::task::Belief;
+use crate::text::wording::naming;
 
 /// One run from plan to compensated test poses.
 #[derive(Debug, Clone, Serialize)]
@@ -83,6 +84,26 @@ impl RunMessage {
                 .collect(),
             conditions,
         }
+    }
+
+    /// How often something was read.
+    pub const fn readings(&self) -> usize {
+        match &self.measured {
+            MeasuredMessage::Deflections { measurements, .. } => measurements.len(),
+            MeasuredMessage::Readings { measurements, .. } => measurements.len(),
+        }
+    }
+
+    /// What a row of the plan, numbered from 1, is.
+    pub fn row_title(&self, number: usize) -> String {
+        let rows = self.plan.len();
+        let row = self.plan.get(number - 1);
+        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
+            return format!("experiment {number} of {rows}");
+        };
+        let target = naming(&reads.target, ": {}");
+        let station = naming(&reads.station, " from {}");
+        format!("row {number} of {rows}{target}{station}")
     }
 }
 

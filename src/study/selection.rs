@@ -18,6 +18,7 @@ use crate::identification::{
 use crate::measurement::AbsoluteReading;
 use crate::numeric::correlated::CorrelatedList;
 use crate::numeric::random::{generator, streams};
+use crate::numeric::tolerance::ends;
 use crate::parameter::relative_precision;
 use crate::plan::search::{CandidateInformation, FiniteEffort, FiniteProblem, Watch, best_choice};
 use crate::plan::{Criterion, CriterionFunction, no_wider_than_high};
@@ -157,6 +158,15 @@ pub struct SelectionOfSize {
 }
 
 impl SelectionOfSize {
+    /// The mean distances of the planned choices that have a fit (mm).
+    fn planned_means_mm(&self) -> Vec<f64> {
+        let chosen = self
+            .planned
+            .iter()
+            .filter_map(|(_, each)| each.as_ref().ok());
+        chosen.filter_map(|each| each.numbers_mm()[0]).collect()
+    }
+
     /// The mean distances of the random choices that have a fit (mm).
     pub fn random_means_mm(&self) -> Vec<f64> {
         let means = |chosen: &Chosen| chosen.numbers_mm()[0];
@@ -202,6 +212,29 @@ impl Selection<'_> {
         let left = DistanceStatistics::of(self.parts.distances_m()).unwrap_or_default();
         left.in_thousandths()
     }
+
+    /// The mean distances that matter, from the lowest to the highest (mm): that of all readings, and of each size all up to three times
+    /// what three quarters of its random choices stay below.
+    pub fn usual_mm(&self) -> [f64; 2] {
+        let means =
+            |of_size: &SelectionOfSize| [of_size.random_means_mm(), of_size.planned_means_mm()];
+        usual(
+            self.all_mm().mean,
+            &self.sizes.iter().map(means).collect::<Vec<_>>(),
+        )
+    }
+}
+
+/// The ends of those that are not far above the others, of the means of all readings, and of the random and the planned choices of each size.
+fn usual(all: f64, sizes: &[[Vec<f64>; 2]]) -> [f64; 2] {
+    let mut kept = vec![all];
+    for [random, planned] in sizes {
+        let mut sorted = if random.is_empty() { planned } else { random }.clone();
+        sorted.sort_by(f64::total_cmp);
+        let limit = 3.0 * sorted.get(sorted.len() * 3 / 4).copied().unwrap_or(0.0);
+        kept.extend((random.iter().chain(planned)).filter(|mean| **mean <= limit));
+    }
+    ends(kept.into_iter().filter(|mean| *mean > 0.0))
 }
 
 /// The readings, ready to be chosen from.
@@ -475,4 +508,19 @@ fn spread_of(mut values: Vec<f64>) -> Option<[f64; 3]> {
         values[low] + (values[high] - values[low]) * place.fract()
     };
     Some([0.05, 0.5, 0.95].map(at))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A size whose choices are all far worse than the best of another, but for one that failed altogether.
+    #[test]
+    fn what_failed_altogether_is_not_usual() {
+        let sizes = [
+            [vec![0.7, 40.0, 0.9, 0.8, 0.75], vec![0.2, 1.1]],
+            [vec![0.1, 0.11, 0.12, 0.13], vec![]],
+        ];
+        assert_eq!(usual(0.08, &sizes), [0.08, 1.1]);
+    }
 }

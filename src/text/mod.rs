@@ -1,9 +1,11 @@
 //! Text that comes from elsewhere, names, paths, and what files say, and text for people.
 //!
 //! - [`wording`]: numbers, counts and words as a person reads them.
+//! - [`table`]: tables with aligned columns.
 //! - [`diagnostics`]: what is said on stderr while something is done.
 
 pub mod diagnostics;
+pub mod table;
 pub mod wording;
 
 use std::borrow::Cow;

@@ -33,15 +33,11 @@ const LONG_MIN: f64 = 240.0;
 
 /// The colours of pages in a file of its own.
 const ON_WHITE: [(&str, &str); 3] = [(INK, "#1c2530"), (SOFT, "#5b6673"), (GRID, "#dee3e8")];
-/// What these and others become where a file is seen in the dark.
-const IN_THE_DARK: [(&str, &str); 6] = [
-    ("#fff", "#171c22"),
-    ("#1c2530", "#e4e9ee"),
-    ("#5b6673", "#a3afbb"),
-    ("#dee3e8", "#3a4550"),
-    ("#0072b2", "#3fa0e0"),
-    ("#9467bd", "#b79ad6"),
-];
+/// What becomes of these, and of the colours of series, where a file is seen in the dark.
+const IN_THE_DARK: &str = concat!(
+    include_str!("pages/dark_plot.css"),
+    include_str!("pages/dark_series.css")
+);
 
 /// Series over two axes.
 pub struct Chart {
@@ -171,15 +167,11 @@ pub fn middle(rows: usize, row: usize) -> f64 {
 /// Drawings (SVG) as a file of its own, on white, or dark where the reader's screen is.
 pub fn file([width, height]: [f64; 2], drawings: &str) -> String {
     let fixed = |svg: String, (of_page, own): &(&str, &str)| svg.replace(of_page, own);
-    let dark = IN_THE_DARK.map(|(light, dark)| {
-        format!("[fill=\"{light}\"] {{ fill: {dark} }} [stroke=\"{light}\"] {{ stroke: {dark} }}\n")
-    });
     let svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" {}>\n\
-         <style>@media screen and (prefers-color-scheme: dark) {{\n{}}}</style>\n\
+         <style>\n{IN_THE_DARK}</style>\n\
          <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{drawings}</svg>\n",
-        letters(TEXT),
-        dark.concat()
+        letters(TEXT)
     );
     ON_WHITE.iter().fold(svg, fixed)
 }

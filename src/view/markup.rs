@@ -21,7 +21,10 @@ const TEMPLATES: [(&str, &str); 10] = [
     ("run_sheet.html", include_str!("pages/run_sheet.html")),
 ];
 /// The style of all pages.
-const STYLE: &str = include_str!("pages/style.css");
+const STYLE: &str = concat!(
+    include_str!("pages/style.css"),
+    include_str!("pages/dark_series.css")
+);
 
 /// A page could not be made of its template.
 #[derive(Debug, Error)]
@@ -52,6 +55,7 @@ impl Templates {
         pages.add_filter("significant", |value: Option<f64>, digits: usize| {
             value.map_or_else(dash, |value| significant(value, digits))
         });
+        pages.add_filter("vectors", |text: String| with_whole_vectors(&text));
         pages.add_filter("unit", |text: String| micro_sign(&text));
         for (name, text) in TEMPLATES {
             pages.add_template(name, text)?;
@@ -116,14 +120,14 @@ pub fn unbroken(text: &str) -> String {
     text.replace(' ', "\u{a0}")
 }
 
-/// Text whose lines do not end between parentheses, where it has vectors.
-pub fn with_unbroken_vectors(text: &str) -> String {
+/// Text whose lines do not end between parentheses, where it has vectors, and with the signs of pages.
+fn with_whole_vectors(text: &str) -> String {
     let parts = text.split_inclusive(['(', ')']);
     let whole = |part: &str| {
         if part.ends_with(')') {
-            unbroken(part)
+            unbroken(part).replace('-', "\u{2212}")
         } else {
-            part.to_owned()
+            part.replace(" -", " \u{2212}")
         }
     };
     parts.map(whole).collect()

@@ -1,7 +1,5 @@
 //! Plots as SVG: budgets of measurements, selections of readings, models compared, and patterns in residuals.
 
-use std::ops::Range;
-
 use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
 use crate::identification::patterns::{Pattern, Patterns};
 use crate::identification::{ModelSelection, NestedModel};
@@ -9,6 +7,9 @@ use crate::numeric::tolerance::ends;
 use crate::plan::search::{BudgetPoint, repeated_configurations};
 use crate::study::selection::{Chosen, Selection, choice_name};
 use crate::text::wording::{counted, listed, naming};
+
+/// The marks of the lines of a budget, by turns; that of plans whose configurations are all different is a dot.
+const MARKS: [Mark; 3] = [Mark::Square, Mark::Triangle, Mark::Diamond];
 
 /// What the plot of a budget shows.
 pub struct BudgetPlot<'a> {
@@ -39,10 +40,15 @@ impl BudgetPlot<'_> {
             let is_of =
                 |point: &BudgetPoint| point.configurations == count.unwrap_or(point.experiments);
             let line = (0..points.len()).filter(|&index| is_of(&points[index]));
+            let line: Vec<(f64, f64)> = line.filter_map(at).collect();
             let colour = COLOURS[index % COLOURS.len()];
-            Series::new(&name, colour, Mark::Dotted, line.filter_map(at))
+            // Where lines lie on one another, the marks of those below look out.
+            let mark = count.map_or(Mark::Dot, |_| MARKS[index % MARKS.len()]);
+            [("", Mark::Line), (&*name, mark)]
+                .map(|(name, mark)| Series::new(name, colour, mark, line.iter().copied()))
         };
-        let mut series: Vec<Series> = lines.chain([None]).enumerate().map(line).collect();
+        let lines = lines.chain([None]).enumerate().flat_map(line);
+        let mut series: Vec<Series> = lines.collect();
         if self.minutes.is_none() {
             let mut bound: Vec<(f64, f64)> = (points.iter())
                 .filter_map(|point| {
@@ -77,20 +83,15 @@ const RANDOM: f64 = 0.35;
 /// The mean distances of all choices, size beside size. Returns the SVG text.
 pub fn selection_plot(title: &str, selection: &Selection<'_>) -> String {
     let mean = |chosen: &Chosen| chosen.numbers_mm()[0];
-    let means = selection.sizes.iter().map(|of_size| {
-        let planned = of_size.planned.iter();
-        let planned = planned.filter_map(|(_, chosen)| mean(chosen.as_ref().ok()?));
-        [of_size.random_means_mm(), planned.collect()]
-    });
-    let of_sizes: Vec<[Vec<f64>; 2]> = means.collect();
     let all = selection.all_mm().mean;
-    let heights = heights(all, &of_sizes);
+    let heights = reach(selection.usual_mm().map(f64::log10), 0.0, 0.044);
     let places = || (0..).map(f64::from);
     let count = selection.sizes.len() as f64;
-    let random = places().zip(&of_sizes).flat_map(|(place, [means, _])| {
+    let random = places().zip(&selection.sizes).flat_map(|(place, of_size)| {
+        let means = of_size.random_means_mm();
         let step = RANDOM / means.len().max(1) as f64;
         let all = places().zip(means);
-        all.map(move |(index, mean)| (place - RANDOM + step * index, *mean))
+        all.map(move |(index, mean)| (place - RANDOM + step * index, mean))
     });
     // What lies above is counted and not drawn.
     let mut above = 0;
@@ -127,20 +128,6 @@ pub fn selection_plot(title: &str, selection: &Selection<'_>) -> String {
     let chosen = format!("{}s that were chosen", selection.parts.unit());
     let names = [&*chosen, "mean distance at all others [mm], logarithmic"];
     Chart::new(axes, names, drawn).file(&title)
-}
-
-/// From the lowest mean to the highest that matters (logarithms of mm), of the fit to all readings and of each size's random and planned
-/// choices (mm): all of them up to three times what three quarters of the size's random ones stay below.
-fn heights(all_mm: f64, sizes: &[[Vec<f64>; 2]]) -> Range<f64> {
-    let mut kept = vec![all_mm];
-    for [random, planned] in sizes {
-        let mut usual = if random.is_empty() { planned } else { random }.clone();
-        usual.sort_by(f64::total_cmp);
-        let limit = 3.0 * usual.get(usual.len() * 3 / 4).copied().unwrap_or(0.0);
-        kept.extend((random.iter().chain(planned)).filter(|mean| **mean <= limit));
-    }
-    let kept = kept.into_iter().filter(|mean| *mean > 0.0);
-    reach(kept.map(f64::log10), 0.0, 0.044)
 }
 
 /// What a plot of nested models calls what a model was not fitted to, and the bars there.
@@ -274,21 +261,4 @@ fn panel_title(pattern: &Pattern) -> String {
         _ => pattern.kind.to_owned(),
     };
     format!("{what}: {share:.1} % of variance")
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A size whose choices are all far worse than the best of another, but for one that failed altogether.
-    #[test]
-    fn all_sizes_are_on_the_picture() {
-        let sizes = [
-            [vec![0.7, 40.0, 0.9, 0.8, 0.75], vec![0.2, 1.1]],
-            [vec![0.1, 0.11, 0.12, 0.13], vec![]],
-        ];
-        let heights = heights(0.08, &sizes);
-        assert!(heights.contains(&1.1_f64.log10()) && heights.contains(&0.08_f64.log10()));
-        assert!(!heights.contains(&40_f64.log10()));
-    }
 }

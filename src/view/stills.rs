@@ -7,13 +7,14 @@ mod painter;
 mod scene;
 mod turning;
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
 use self::painter::{Camera, Painter};
 use self::scene::{Scene, Scenery};
 use super::markup::{PageError, Templates, unbroken};
 use crate::experiment::Candidate;
+use crate::numeric::tolerance::ends;
 use crate::plan::{Experiment, Plan};
 use crate::record::messages::ProvenanceMessage;
 use crate::robot::Load;
@@ -26,6 +27,9 @@ const GAP_PX: f64 = 20.0;
 /// The height of the lines of text over a still and over the sheet (px).
 const CAPTION_PX: f64 = 40.0;
 const HEADING_PX: f64 = 62.0;
+/// What is in a still stands so far from its edges at least (px), and a still shows at least this share of the width that all share.
+const AROUND_PX: f64 = 14.0;
+const CLOSEST: f64 = 0.6;
 /// The most stills in a row.
 const COLUMNS: usize = 3;
 
@@ -148,16 +152,19 @@ impl<'a> Stills<'a> {
     pub fn pictures(&self, templates: &Templates) -> Result<Vec<Pictures>, PageError> {
         let picture = |(index, scene): (usize, &Scene)| {
             let (number, mut still) = (index + 1, self.drawn(scene));
-            let framed = |still: &Value, label: String, within: Option<[f64; 4]>| {
+            let framed = |still: &Value, label: String, is_first: bool| {
                 let camera = self.camera.shown();
-                let shown = json!({ "still": still, "camera": camera, "label": label, "box": within,
-                    "is_first": index == 0 && within.is_none() });
+                let shown = json!({ "still": still, "camera": camera, "label": label, "is_first": is_first });
                 templates.filled("framed.svg", &shown)
             };
             let label = format!("Where the load of experiment {number} hangs");
-            let load = framed(&still, label, Some(close_up(&self.camera, scene)))?;
+            let whole = still["box"].take();
+            still["box"] = json!(close_up(&self.camera, scene));
+            let load = framed(&still, label, false)?;
             still["force"] = Value::Null;
-            let unloaded = framed(&still, format!("Experiment {number} without load"), None)?;
+            still["box"] = whole;
+            let label = format!("Experiment {number} without load");
+            let unloaded = framed(&still, label, index == 0)?;
             Ok(Pictures { unloaded, load })
         };
         let scenes = self.scenery.scenes.iter().enumerate();
@@ -192,23 +199,32 @@ impl<'a> Stills<'a> {
         [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
     }
 
-    /// A still (px): the robot, what is read and how, the force.
+    /// A still (px): the robot, what is read and how, the force; and the part of the picture that they are in.
     fn drawn(&self, scene: &Scene) -> Value {
         let camera = &self.camera;
         let mut painter = Painter::new(camera);
+        let mut places = [scene.tool, scene.read, scene.arrow_end].to_vec();
         for (part, mesh) in self.scenery.surfaces(scene) {
             // What is only half in the picture would be hard to make out.
             if part.is_robot || mesh.vertices.iter().all(|corner| camera.is_seen(corner)) {
                 painter.add(&mesh, part.rgba);
             }
+            if part.is_robot {
+                places.extend(&mesh.vertices);
+            }
         }
+        let [width, height] = camera.size_px;
+        let shown = part_around(camera, &places, width / height, CLOSEST * width);
         let sight = scene.sight_ends().map(|[from, to]| {
             let class = ["tracker", "station"][usize::from(scene.station.is_some())];
+            let [x, y] = camera.place(&from);
+            let is_in = (shown[0]..shown[0] + shown[2]).contains(&x)
+                && (shown[1]..shown[1] + shown[3]).contains(&y);
             json!({
-                "from": camera.place(&from),
+                "from": [x, y],
                 "to": camera.place(&to),
                 "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge()),
-                "is_far": !camera.is_seen(&from),
+                "is_far": !is_in,
                 "class": class,
                 "name": scene.station.as_deref().unwrap_or(class),
                 "metres": (from - scene.read).norm(),
@@ -221,21 +237,33 @@ impl<'a> Stills<'a> {
             "tool": camera.place(&scene.tool),
             "force": force,
             "sight": sight,
+            "box": shown,
         })
     }
 }
 
 /// A square around the tool and its load (px), inside the picture.
 fn close_up(camera: &Camera, scene: &Scene) -> [f64; 4] {
-    let [from, to] = [&scene.tool, &scene.arrow_end].map(|point| camera.see(point));
+    let ends = [scene.tool, scene.arrow_end];
+    let [from, to] = ends.each_ref().map(|point| camera.see(point));
+    let length = (to[0] - from[0]).hypot(to[1] - from[1]);
+    part_around(camera, &ends, 1.0, 2.4 * length.max(20.0))
+}
+
+/// The part of a picture (px: left, top, width, height) around some places that has a shape, width over height, and at least a width.
+fn part_around(camera: &Camera, places: &[Point3<f64>], shape: f64, least: f64) -> [f64; 4] {
     let size = camera.size_px;
-    let side = 2.4 * (to[0] - from[0]).hypot(to[1] - from[1]).max(20.0);
-    let side = side.min(size[0]).min(size[1]).floor();
+    let seen: Vec<[f64; 3]> = places.iter().map(|place| camera.see(place)).collect();
+    let sides = [0, 1].map(|axis| ends(seen.iter().map(|place| place[axis])));
+    let [across, down] = sides.map(|[low, high]| high - low + 2.0 * AROUND_PX);
+    let width = across.max(down * shape).max(least);
+    let width = width.min(size[0]).min(size[1] * shape);
+    let part = [width, width / shape];
     let corner = |axis: usize| {
-        let about = f64::midpoint(from[axis], to[axis]) - 0.5 * side;
-        about.min((size[axis] - side).floor()).max(0.0)
+        let about = f64::midpoint(sides[axis][0], sides[axis][1]) - 0.5 * part[axis];
+        about.min(size[axis] - part[axis]).max(0.0)
     };
-    [corner(0), corner(1), side, side].map(f64::round)
+    [corner(0), corner(1), part[0], part[1]].map(f64::floor)
 }
 
 #[cfg(test)]

@@ -1,95 +1,15 @@
 //! Tables of records, for pages, terminals and the texts of recordings alike.
 
-use serde::Serialize;
-
 use crate::calibration::rms_m;
 use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::quantities::units::shown_unit;
 use crate::record::messages::{TestPoseMessage, TruthMessage};
 use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
-use crate::text::wording::{dash, inverse_interval, joined, number, percent, shortened};
-use crate::text::{for_terminal, markdown_text};
+use crate::text::table::RecordTable;
+use crate::text::wording::{dash, inverse_interval, joined, number, percent};
 use crate::view::markup::micro_sign;
 use crate::workflow::run::TriedPlan;
-
-/// Names of rows have at most so many characters.
-const LONGEST_NAME: usize = 40;
-
-/// A table with aligned columns; the first, of names, is left-aligned, the others right-aligned.
-pub fn aligned(header: &[impl AsRef<str>], rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let mut rows: Vec<Vec<String>> = rows.into_iter().collect();
-    for name in rows.iter_mut().filter_map(|row| row.first_mut()) {
-        *name = shortened(name, LONGEST_NAME);
-    }
-    let header: Vec<String> = header.iter().map(|name| name.as_ref().to_owned()).collect();
-    rows.insert(0, header);
-    let longest = |column: usize| {
-        rows.iter()
-            .map(move |row| row[column].chars().count())
-            .max()
-    };
-    let widths = (0..rows[0].len()).map(|column| longest(column).unwrap_or(0));
-    let widths: Vec<usize> = widths.collect();
-    let line = |row: &Vec<String>| {
-        let cells = row.iter().zip(&widths).enumerate();
-        let cells = cells.map(|(index, (cell, &width))| match index {
-            0 => format!("{cell:<width$}"),
-            _ => format!("{cell:>width$}"),
-        });
-        format!("  {}\n", joined(cells, "  ").trim_end())
-    };
-    rows.iter().map(line).collect()
-}
-
-/// A table; the first column is text, the others are numbers.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct RecordTable {
-    header: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl RecordTable {
-    /// With the names of its columns between bars.
-    pub fn new(header: &str, rows: impl IntoIterator<Item = Vec<String>>) -> Self {
-        Self {
-            header: header
-                .split('|')
-                .map(|name| name.trim().to_owned())
-                .collect(),
-            rows: rows.into_iter().collect(),
-        }
-    }
-
-    /// Of a terminal.
-    pub fn plain(&self) -> String {
-        let row = |row: &Vec<String>| {
-            let (name, cells) = row.split_first().unzip();
-            let cells = cells.unwrap_or(&[]).iter().map(|cell| for_terminal(cell));
-            name.cloned().into_iter().chain(cells).collect()
-        };
-        let header: Vec<String> = self.header.iter().map(|name| for_terminal(name)).collect();
-        aligned(&header, self.rows.iter().map(row))
-    }
-
-    /// Its first so many columns.
-    pub fn first(mut self, columns: usize) -> Self {
-        let all = self.rows.iter_mut().chain([&mut self.header]);
-        all.for_each(|row| row.truncate(columns));
-        self
-    }
-
-    /// Of a text, in Markdown.
-    pub fn markdown(&self) -> String {
-        let line = |cells: &[String]| {
-            let cells = cells.iter().map(|cell| markdown_text(cell));
-            format!("| {} |\n", joined(cells, " | "))
-        };
-        let sides = "--:|".repeat(self.header.len().saturating_sub(1));
-        let rows: String = self.rows.iter().map(|row| line(row)).collect();
-        line(&self.header) + "|:--|" + &sides + "\n" + &rows
-    }
-}
 
 /// The identified compliances beside the simulated truth; `unit` is a millionth of SI's.
 pub fn compliances(found: &IdentificationMessage, truth: &TruthMessage, unit: &str) -> RecordTable {
@@ -203,12 +123,14 @@ pub fn swept(plans: &[&StudyPlanMessage]) -> Vec<Swept> {
     SWEPT.into_iter().filter(varies).collect()
 }
 
-/// What the runs of each plan of a study say, with a column for each condition that varies; and how much better than random plans they are,
-/// if that is wanted.
+/// What the runs of each plan of a study say, with a column for each condition that varies; and, `with_random`, how many
+/// times as accurate as random plans they are: for pages, where what never failed has no column.
 pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
     let swept = swept(plans);
+    let shows_failed = !with_random || plans.iter().any(|runs| runs.failed > 0);
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);
-    let interval = |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to {:.3}", low * 1e3, high * 1e3);
+    let interval =
+        |[low, high]: [f64; 2]| format!("{:.3}\u{a0}to\u{a0}{:.3}", low * 1e3, high * 1e3);
     let rows = plans.iter().map(|runs| {
         let mut row = vec![runs.name.clone()];
         row.extend(swept.iter().map(|(_, value)| value(runs)));
@@ -220,8 +142,8 @@ pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
             number(runs.z, 1),
             micro(runs.quantiles_mm.map(|quantiles| quantiles[2])),
             number(runs.nees, 3),
-            runs.failed.to_string(),
         ]);
+        row.extend(shows_failed.then(|| runs.failed.to_string()));
         if with_random {
             let ratio = runs
                 .mean_ratio_to_random
@@ -233,9 +155,14 @@ pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
         }
         row
     });
-    let random = ["", " | mean of random over it (95 % interval)"][usize::from(with_random)];
+    let failed = if shows_failed { " | failed" } else { "" };
+    let random = if with_random {
+        " | times as accurate as random"
+    } else {
+        ""
+    };
     let header = format!(
-        "plan{} | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | expected rms [\u{b5}m] | z | 95 % below [\u{b5}m] | NEES | failed{random}",
+        "plan{} | mean [\u{b5}m] | 95 % interval [\u{b5}m] | rms [\u{b5}m] | expected rms [\u{b5}m] | z | 95 % below [\u{b5}m] | NEES{failed}{random}",
         joined(swept.iter().map(|(name, _)| format!(" | {name}")), "")
     );
     RecordTable::new(&header, rows)

@@ -229,7 +229,10 @@ def look(browser, page, given):
     if given.screenshot:
         clip = {"x": 0, "y": 0, "width": width, "height": seen["page_px"][1]}
         if given.element:
-            box = f"document.querySelector({json.dumps(given.element)}).getBoundingClientRect().toJSON()"
+            # What is folded away has no picture.
+            element = f"document.querySelector({json.dumps(given.element)})"
+            call("Runtime.evaluate", expression=f"for (let each = {element}; each; each = each.parentElement) each.open = true")
+            box = f"{element}.getBoundingClientRect().toJSON()"
             clip = call("Runtime.evaluate", expression=box, returnByValue=True)["result"]["value"]
             clip = {key: clip[key] for key in ["x", "y", "width", "height"]}
         picture = call("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip={**clip, "scale": 1})

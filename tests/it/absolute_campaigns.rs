@@ -298,7 +298,7 @@ fn the_run_sheet_looks_well() {
     );
     for said in [
         "at station door",
-        "near (-500, -4000, 1500) mm",
+        "near (\u{2212}500,\u{a0}\u{2212}4000,\u{a0}1500) mm",
         "hang the load",
         "Take the load off",
     ] {

@@ -722,7 +722,7 @@ fn the_run_sheet_looks_well() {
         .ends_with(0);
     let sheet = workplace.read("out/s/lab/run_sheet.html");
     assert_eq!(sheet.matches("class=\"stop\"").count(), 8);
-    let hang = "hang the load (0,\u{a0}0,\u{a0}-2500) N";
+    let hang = "hang the load (0,\u{a0}0,\u{a0}\u{2212}2500) N";
     assert_eq!(sheet.matches(hang).count(), 1);
     assert_eq!(sheet.matches("class=\"tick\"").count(), 8);
     // Each configuration once, though it is visited twice, and where the load hangs.

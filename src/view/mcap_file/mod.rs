@@ -24,14 +24,9 @@ use serde_json::Value;
 
 use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
 use crate::files::{FileError, output::Output};
-use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::laboratory::Costs;
-use crate::measurement::AbsoluteReading;
-use crate::record::length::LengthField;
-use crate::record::messages::{
-    MeasurementMessage, PlanRowMessage, ProvenanceMessage, thousandfold,
-};
-use crate::record::run::{MeasuredMessage, quaternion};
+use crate::record::messages::{ProvenanceMessage, thousandfold};
+use crate::record::recorded::{IdentifiedOnce, PlanRows, ReadOnce};
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -59,83 +54,6 @@ struct OfPlan<'a, T> {
     /// What is said of it.
     #[serde(flatten)]
     said: T,
-}
-
-/// A plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct PlanRows<'a> {
-    /// The experiments, or the rows of absolute readings.
-    plan: &'a [PlanRowMessage],
-}
-
-/// What was identified with a plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct IdentificationRecord<'a> {
-    /// The results.
-    #[serde(flatten)]
-    identification: &'a IdentificationMessage,
-    /// The virtual robot's compliances in this run; identification does not see them.
-    true_compliance_rad_per_nm: &'a [f64],
-}
-
-/// What was identified with a plan of absolute readings.
-#[derive(Debug, Serialize, JsonSchema)]
-struct IdentifiedReadings<'a> {
-    /// The results.
-    #[serde(flatten)]
-    identification: &'a AbsoluteMessage,
-    /// The simulated truth of the unknowns in this run, in their order; null where a run does not say it.
-    true_values: Vec<Option<f64>>,
-}
-
-/// An absolute reading in its place in the plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct ReadingRecord<'a> {
-    /// The number of the row in the plan, from 1.
-    row: usize,
-    /// The number of the repeat, from 1.
-    repeat: usize,
-    /// The site that is read.
-    target: Option<&'a str>,
-    /// Where the instrument stands.
-    station: Option<&'a str>,
-    /// The position that was read (mm), in the instrument's frame; null of lengths.
-    position_mm: Option<[f64; 3]>,
-    /// The orientation that was read of a pose, real part first, in the instrument's frame.
-    quaternion: Option<[f64; 4]>,
-    /// The length that was read, of lengths.
-    #[serde(flatten)]
-    length: LengthField,
-    /// Read less predicted position (mm), in the instrument's frame; null of lengths.
-    residual_mm: Option<[f64; 3]>,
-    /// Read less predicted orientation of a pose, as a rotation vector (mrad), in the instrument's frame.
-    rotation_residual_mrad: Option<[f64; 3]>,
-    /// Read less predicted length (mm), of lengths.
-    length_residual_mm: Option<f64>,
-}
-
-/// A measurement in its place in the plan.
-#[derive(Debug, Serialize, JsonSchema)]
-struct MeasurementRecord {
-    /// The number of the experiment in the plan, from 1.
-    experiment: usize,
-    /// The number of the repeat, from 1.
-    repeat: usize,
-    /// The measurement; its deflection is null where a gauge reads.
-    #[serde(flatten)]
-    measurement: MeasurementMessage,
-    /// What a gauge reads, positive along its direction (mm).
-    displacement_mm: Option<f64>,
-    /// The standard deviation of that, where it is of its own (mm).
-    displacement_std_mm: Option<f64>,
-    /// The virtual robot's deflection, without the instrument's errors (mm); identification does not see it.
-    true_deflection_mm: Option<[f64; 3]>,
-    /// What of that is along a gauge's direction (mm).
-    true_displacement_mm: Option<f64>,
-    /// Measured minus modelled deflection (mm); null where a gauge reads.
-    residual_mm: Option<[f64; 3]>,
-    /// Measured minus modelled displacement (mm), where a gauge reads.
-    displacement_residual_mm: Option<f64>,
 }
 
 /// What the virtual robot does in a step.
@@ -281,47 +199,16 @@ impl<W: Write + Seek> Channels<W> {
             return Ok(now + minutes(costs.reading_min));
         };
         let all = &calibration.record;
-        for (repeat, index) in (1..).zip(measurements.clone()) {
+        for read in all.read_in(*number, measurements.clone()) {
             now += minutes(costs.reading_min);
-            let read = |vector_mm| all.as_read(index, vector_mm).unwrap_or_default();
-            let (measurements, found) = match &all.measured {
-                MeasuredMessage::Deflections {
-                    measurements,
-                    identification,
-                    ..
-                } => (measurements, identification),
-                MeasuredMessage::Readings {
-                    measurements,
-                    identification,
-                } => {
-                    let found = (&measurements[index], &**identification);
-                    let reading = reading_record(found, (number, repeat, index), read);
-                    self.write_of(&READINGS, now, &all.name, reading)?;
-                    continue;
+            match read {
+                ReadOnce::Deflection(each) => {
+                    self.write_of(&MEASUREMENTS, now, &all.name, each)?;
                 }
-            };
-            let Some(mut measurement) = measurements.get(index).cloned() else {
-                break;
-            };
-            let displacement_mm;
-            (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
-            let is_along = measurement.direction.is_some();
-            let own_mm = measurement.deflection_std_mm.take_if(|_| is_along);
-            let true_deflection_mm = all.truth.deflections_mm.get(index).copied();
-            let (residual_mm, displacement_residual_mm) =
-                read(found.residuals_mm.get(index).copied());
-            let message = MeasurementRecord {
-                experiment: *number,
-                repeat,
-                measurement,
-                displacement_mm,
-                displacement_std_mm: own_mm.map(|[each, ..]| each),
-                true_deflection_mm,
-                true_displacement_mm: read(true_deflection_mm).1,
-                residual_mm,
-                displacement_residual_mm,
-            };
-            self.write_of(&MEASUREMENTS, now, &all.name, message)?;
+                ReadOnce::Position(each) => {
+                    self.write_of(&READINGS, now, &all.name, each)?;
+                }
+            }
         }
         Ok(now)
     }
@@ -333,21 +220,12 @@ impl<W: Write + Seek> Channels<W> {
         now: Duration,
     ) -> Result<(), McapError> {
         let all = &calibration.record;
-        match &all.measured {
-            MeasuredMessage::Deflections { identification, .. } => {
-                let identification = IdentificationRecord {
-                    identification,
-                    true_compliance_rad_per_nm: &all.truth.compliance_rad_per_nm,
-                };
-                self.write_of(&IDENTIFICATION, now, &all.name, identification)?;
+        match all.identified() {
+            IdentifiedOnce::Deflections(each) => {
+                self.write_of(&IDENTIFICATION, now, &all.name, each)?;
             }
-            MeasuredMessage::Readings { identification, .. } => {
-                let unknowns = all.truth.unknowns.iter().flatten();
-                let identification = IdentifiedReadings {
-                    identification,
-                    true_values: unknowns.map(|each| each.value).collect(),
-                };
-                self.write_of(&IDENTIFIED_READINGS, now, &all.name, identification)?;
+            IdentifiedOnce::Readings(each) => {
+                self.write_of(&IDENTIFIED_READINGS, now, &all.name, each)?;
             }
         }
         for pose in &all.test_poses {
@@ -437,29 +315,6 @@ fn json_schema<T: JsonSchema>(name: &str) -> Option<Schema> {
 /// So much time in the laboratory.
 fn minutes(count: f64) -> Duration {
     Duration::from_secs_f64(60.0 * count)
-}
-
-/// A reading of a row of a plan.
-fn reading_record<'a>(
-    (reading, identification): (&'a AbsoluteReading, &AbsoluteMessage),
-    (row, repeat, index): (&usize, usize, usize),
-    as_read: impl Fn(Option<[f64; 3]>) -> (Option<[f64; 3]>, Option<f64>),
-) -> ReadingRecord<'a> {
-    let (position_mm, _) = as_read(Some(thousandfold(&reading.position_m)));
-    let residual_mm = identification.residuals_mm.get(index).copied();
-    let (residual_mm, length_residual_mm) = as_read(residual_mm);
-    ReadingRecord {
-        row: *row,
-        repeat,
-        target: reading.target.as_deref(),
-        station: reading.station.as_deref(),
-        position_mm,
-        quaternion: quaternion(reading),
-        length: LengthField(reading.length),
-        residual_mm,
-        rotation_residual_mrad: identification.rotation_residual_mrad(index),
-        length_residual_mm,
-    }
 }
 
 fn joints(recording: &Recording, stance: &Stance, now: Duration) -> JointStates {

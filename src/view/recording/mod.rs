@@ -23,10 +23,12 @@ use crate::testbed::Truth;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
+pub use record::shown;
 use steps::{Stage, enlarge};
 
-/// The eye is so many times as far away as what it sees is large.
-const EYE_AWAY: f64 = 2.2;
+/// Half of what is in view, upwards and across, over the distance; and how much farther away the eye is, since arms are thick.
+const IN_VIEW: [f64; 2] = [0.52, 0.65];
+const FARTHER: f64 = 1.25;
 
 /// One calibration or several of one scenario, ready to be written.
 #[derive(Debug, Clone)]
@@ -288,12 +290,18 @@ impl Recording {
             all.reduce(|one, other| of(&one, &other))
         };
         let centre = (extreme(Vector3::inf)? + extreme(Vector3::sup)?) / 2.0;
-        let radius = places.iter().map(|place| (place - centre).norm());
-        let radius = radius.fold(0.0, f64::max);
         let reach: Vector3<f64> = stances().map(|stance| stance.tool_m).sum();
-        let across = Vector3::new(reach.y, -reach.x, 0.0).try_normalize(f64::MIN_POSITIVE);
-        let towards = across.unwrap_or(-Vector3::y()) + Vector3::z() * 0.4;
-        Some([centre + towards.normalize() * (EYE_AWAY * radius), centre])
+        let aside = Vector3::new(reach.y, -reach.x, 0.0).try_normalize(f64::MIN_POSITIVE);
+        let towards = (aside.unwrap_or(-Vector3::y()) + Vector3::z() * 0.4).normalize();
+        let across = Vector3::z().cross(&towards).normalize();
+        let axes = [towards.cross(&across), across];
+        let needed = places.iter().map(|place| {
+            let seen = axes.map(|axis| axis.dot(&(place - centre)).abs());
+            let away = (seen[0] / IN_VIEW[0]).max(seen[1] / IN_VIEW[1]);
+            away + towards.dot(&(place - centre))
+        });
+        let away_m = FARTHER * needed.fold(0.1, f64::max);
+        Some([centre + towards * away_m, centre])
     }
 
     /// Every step of every calibration, numbered from 1 in the order in which they are shown.

@@ -1,9 +1,13 @@
 //! What was planned, read and identified, as recordings show it.
 
-use nalgebra::Vector3;
+use nalgebra::{Quaternion, UnitQuaternion};
 
+use crate::record::recorded::ReadOnce;
 use crate::record::run::{MeasuredMessage, RunMessage};
-use crate::text::wording::naming;
+
+/// The groups of curves.
+const DEFLECTION: &str = "deflection_mm";
+const READING: &str = "reading_mm";
 
 /// A vector of one reading as far as it is known.
 #[derive(Debug, Clone, Copy)]
@@ -19,107 +23,56 @@ pub struct ShownVector {
 }
 
 impl RunMessage {
-    /// How often something was read.
-    pub const fn readings(&self) -> usize {
-        match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => measurements.len(),
-            MeasuredMessage::Readings { measurements, .. } => measurements.len(),
-        }
-    }
-
-    /// What a row of the plan, numbered from 1, is.
-    pub fn row_title(&self, number: usize) -> String {
-        let rows = self.plan.len();
-        let row = self.plan.get(number - 1);
-        let Some(reads) = row.and_then(|row| row.reads.as_ref()) else {
-            return format!("experiment {number} of {rows}");
-        };
-        let target = naming(&reads.target, ": {}");
-        let station = naming(&reads.station, " from {}");
-        format!("row {number} of {rows}{target}{station}")
-    }
-
     /// The group of curves of what was read, and its name.
     pub const fn curves(&self) -> [&'static str; 2] {
         match self.measured {
-            MeasuredMessage::Deflections { .. } => ["deflection_mm", "deflections [mm]"],
-            MeasuredMessage::Readings { .. } => ["reading_mm", "readings [mm]"],
+            MeasuredMessage::Deflections { .. } => [DEFLECTION, "deflections [mm]"],
+            MeasuredMessage::Readings { .. } => [READING, "readings [mm]"],
         }
     }
+}
 
-    /// What was read once: of deflections the truth without the instrument's errors, whole also where a gauge reads; what was read, and
-    /// what identification leaves of it; of poses the orientation, too.
-    pub fn shown(&self, index: usize) -> Vec<ShownVector> {
-        let [group, _] = self.curves();
-        let (label, read_mm, residuals_mm) = match &self.measured {
-            MeasuredMessage::Deflections {
-                measurements,
-                identification,
-                ..
-            } => (
-                "measured [mm]",
-                (measurements.get(index)).and_then(|each| each.deflection_mm),
-                &identification.residuals_mm,
-            ),
-            MeasuredMessage::Readings {
-                measurements,
-                identification,
-            } => (
-                "read [mm]",
-                (measurements.get(index)).map(|each| (each.position_m * 1e3).into()),
-                &identification.residuals_mm,
-            ),
-        };
-        let true_mm = self.truth.deflections_mm.get(index).copied();
-        let residual_mm = residuals_mm.get(index).copied();
-        let mut vectors = vec![
-            ("true deflection [mm]", None, true_mm),
-            (label, Some(group), read_mm),
-            ("residual [mm]", Some("residual_mm"), residual_mm),
-        ];
-        if let MeasuredMessage::Readings {
-            measurements,
-            identification,
-        } = &self.measured
-        {
-            let read = measurements.get(index).and_then(|each| each.rotation);
-            let read_mrad = read.map(|turned| (turned.scaled_axis() * 1e3).into());
-            let residual_mrad = identification.rotation_residual_mrad(index);
-            vectors.push(("read, rotation [mrad]", None, read_mrad));
-            vectors.push(("rotation residual [mrad]", None, residual_mrad));
+/// What was read once: of deflections the truth without the instrument's errors, whole also where a gauge reads; what was read, and
+/// what identification leaves of it; of poses the orientation, too.
+pub fn shown(read: &ReadOnce<'_>) -> Vec<ShownVector> {
+    let vector = |label, group, vector_mm, along_mm| ShownVector {
+        label,
+        group,
+        vector_mm,
+        along_mm,
+    };
+    let residual =
+        |vector_mm, along_mm| vector("residual [mm]", Some("residual_mm"), vector_mm, along_mm);
+    let mut all = match read {
+        ReadOnce::Deflection(read) => {
+            let (true_mm, along_mm) = (read.true_deflection_mm, read.true_displacement_mm);
+            let read_mm = read.measurement.deflection_mm;
+            vec![
+                vector("true deflection [mm]", None, true_mm, along_mm),
+                vector(
+                    "measured [mm]",
+                    Some(DEFLECTION),
+                    read_mm,
+                    read.displacement_mm,
+                ),
+                residual(read.residual_mm, read.displacement_residual_mm),
+            ]
         }
-        let shown = |(label, group, whole_mm): (_, Option<_>, _)| {
-            let (vector_mm, along_mm) = self.as_read(index, whole_mm)?;
-            Some(ShownVector {
-                label,
-                group,
-                vector_mm: if group.is_some() { vector_mm } else { whole_mm },
-                along_mm,
-            })
-        };
-        vectors.into_iter().filter_map(shown).collect()
-    }
-
-    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
-    pub fn as_read(
-        &self,
-        index: usize,
-        vector_mm: Option<[f64; 3]>,
-    ) -> Option<(Option<[f64; 3]>, Option<f64>)> {
-        let vector_mm = vector_mm?;
-        let along = match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => {
-                let direction = measurements.get(index).and_then(|each| each.direction);
-                direction.map(|along| Vector3::from(along).dot(&Vector3::from(vector_mm)))
-            }
-            MeasuredMessage::Readings { measurements, .. } => {
-                let length = measurements.get(index).and_then(|each| each.length);
-                length.map(|_| vector_mm[0])
-            }
-        };
-        Some(match along {
-            Some(along) => (None, Some(along)),
-            None => (Some(vector_mm), None),
-        })
-    }
+        ReadOnce::Position(read) => {
+            let length_mm = read.length.0.map(|length| length.length_m * 1e3);
+            let turned = read.quaternion.map(|[w, i, j, k]| {
+                let rotation = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+                (rotation.scaled_axis() * 1e3).into()
+            });
+            let left = read.rotation_residual_mrad;
+            vec![
+                vector("read [mm]", Some(READING), read.position_mm, length_mm),
+                residual(read.residual_mm, read.length_residual_mm),
+                vector("read, rotation [mrad]", None, turned, None),
+                vector("rotation residual [mrad]", None, left, None),
+            ]
+        }
+    };
+    all.retain(|each| each.vector_mm.is_some() || each.along_mm.is_some());
+    all
 }

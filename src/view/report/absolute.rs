@@ -4,16 +4,18 @@ use serde_json::{Value, json};
 
 use super::PlanPage;
 use super::cards::{conditions_card, readings_cards, verdict_card};
-use super::distances::{distances_figure, lines, numbers};
+use super::distances::{distances, lines};
 use super::test_poses::test_poses;
 use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
+use crate::text::table::RecordTable;
+use crate::text::wording::significant;
 use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page, micro_sign};
-use crate::view::tables::{self, RecordTable};
+use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
 
 /// Which accuracy a page of absolute readings is about.
@@ -74,8 +76,7 @@ fn of_trials(trials: &RobotTrials) -> Value {
     json!({
         "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,
-        "figure": distances_figure(&lines),
-        "table": numbers(&lines),
+        "distances": distances(&lines),
     })
 }
 
@@ -84,7 +85,7 @@ fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
     let rows = unknowns.iter().map(|unknown| {
         let (factor, unit) = shown_unit(&unknown.unit);
         let error = unknown.standard_error;
-        let error = error.map(|error| format!("{:.3e}", error * factor));
+        let error = error.map(|error| significant(error * factor, 3));
         vec![
             unknown.name.clone(),
             error.unwrap_or_else(|| "not by itself".to_owned()),

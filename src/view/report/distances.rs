@@ -2,12 +2,15 @@
 
 use std::ops::Range;
 
+use serde_json::{Value, json};
+
+use super::each_once;
 use crate::record::study::StudyPlanMessage;
-use crate::text::wording::micrometres;
+use crate::text::wording::{joined, micrometres};
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, INK, Mark, Series, WHOLE, middle, plan_colours, reach,
 };
-use crate::view::tables::{self, RecordTable};
+use crate::view::tables;
 
 /// The share of a row that the highest distribution fills.
 const FILL: f64 = 0.86;
@@ -38,8 +41,19 @@ fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
         .collect()
 }
 
+/// What the runs came to: the figure of their distances, and the numbers below it.
+pub fn distances(lines: &[PlanLine<'_>]) -> Value {
+    let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
+    let expected = each_once(plans.iter().map(|runs| runs.nees_expected.to_string()));
+    json!({
+        "figure": distances_figure(lines),
+        "table": tables::study(&plans, true),
+        "nees_expected": joined(expected, ", "),
+    })
+}
+
 /// The figure: a row for each plan with the distribution of its distances and its mean.
-pub fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     let lines = with_runs(lines);
     let range = range(&lines);
     let outlines: Vec<_> = (lines.iter().map(|(runs, _)| outline(runs, &range))).collect();
@@ -133,12 +147,6 @@ fn below(runs: &StudyPlanMessage) -> impl Iterator<Item = (f64, f64)> {
         *below += count;
         Some((logarithm(*end), 100.0 * *below as f64 / runs.runs as f64))
     })
-}
-
-/// The numbers below the figure.
-pub fn numbers(lines: &[PlanLine<'_>]) -> RecordTable {
-    let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
-    tables::study(&plans, true)
 }
 
 /// The bins within a range from end to end (logarithms of um), each with the share of the runs for each unit of the axis, so that areas are

@@ -31,7 +31,7 @@ use crate::scenario::Scenario;
 use crate::text::wording::{joined, micrometres, shell_path};
 use crate::workflow::run::RunOutcome;
 use cards::checks_card;
-use distances::{distances_figure, lines, numbers};
+use distances::{distances, lines};
 use figures::{accuracy_figure, compliances_figure, residuals_figure};
 use plan_rows::plan_rows;
 use test_poses::test_poses;
@@ -119,7 +119,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
         "rho0_mm": rho0_mm,
         "evidence": evidence,
         "calibration": record,
-        "distances": { "figure": distances_figure(&lines), "table": numbers(&lines) },
+        "distances": distances(&lines),
         "compliances": {
             "figure": compliances_figure(&found, &record.truth),
             "table": tables::compliances(&found, &record.truth, &unit),

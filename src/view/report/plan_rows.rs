@@ -5,9 +5,9 @@ use std::ops::Range;
 use crate::observation::LengthKind;
 use crate::record::messages::PlanRowMessage;
 use crate::task::Task;
+use crate::text::table::RecordTable;
 use crate::text::wording::{dash, joined, listed, number};
 use crate::view::markup::unbroken;
-use crate::view::tables::RecordTable;
 
 /// Angles and loads, and as far as there are such: torques, the direction of a gauge, what is read from where, and nominal lengths.
 pub(super) fn plan_rows(task: &Task, rows: &[PlanRowMessage]) -> RecordTable {

@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::absolute::ABSOLUTE_ACCURACY;
 use super::cards::{conditions_card, verdict_card};
-use super::distances::{distances_figure, lines, means_figure, numbers, shares_figure};
+use super::distances::{distances, lines, means_figure, shares_figure};
 use super::each_once;
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
@@ -35,12 +35,9 @@ pub fn study_page(
     let shown = json!({
         "cards": cards(header, plans, conditions),
         "caption": caption,
-        "figures": {
-            "means": means_figure(&lines),
-            "distances": distances_figure(&lines),
-            "shares": shares_figure(&lines),
-        },
-        "numbers": numbers(&lines),
+        "means": means_figure(&lines),
+        "distances": distances(&lines),
+        "shares": shares_figure(&lines),
         "sources": sources(plans),
         "provenance_record": header.provenance,
         "command": command,
@@ -124,9 +121,19 @@ fn cards(header: &Header, plans: &[StudyPlanMessage], conditions: &[Condition]) 
             cards.push(verdict_card(verdict.starts_with("holds"), verdict, about));
         }
     }
+    // Where the scenario lists error sources, the verdict is on all of them, which the linear model does not have.
+    if plans.iter().all(|plan| plan.combined_rms_mm.is_none()) {
+        cards.push(linear_card(plans));
+    }
+    cards.extend(conditions_card(conditions));
+    cards
+}
+
+/// How well the linear model predicts the mean squares.
+fn linear_card(plans: &[StudyPlanMessage]) -> Card {
     let z = (plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
     let largest = z.fold(0.0, f64::max);
-    let about = "The largest difference between the observed and the predicted mean square, in standard deviations; \
+    let about = "The largest difference between the observed and the expected mean square, in standard deviations; \
                  among a few plans it rarely exceeds 3.";
     let tone = match largest {
         ..3.0 => "good",
@@ -134,7 +141,5 @@ fn cards(header: &Header, plans: &[StudyPlanMessage], conditions: &[Condition]) 
         _ => "bad",
     };
     let answer = format!("off by {largest:.1} sigma at most");
-    cards.push(Card::new(tone, "Prediction", answer, about));
-    cards.extend(conditions_card(conditions));
-    cards
+    Card::new(tone, "Prediction", answer, about)
 }

@@ -17,8 +17,9 @@ use re_sdk::log::ChunkBatcherConfig;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
 
-use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind, shown};
 use crate::files::{FileError, output::write_whole};
+use crate::record::recorded::ReadOnce;
 use blueprint::{Clock, Layout};
 
 /// Whether a stream took what was logged.
@@ -99,7 +100,7 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     ]);
     Horizontal::new([
         layout.space(),
-        beside.with_row_shares([1.0, 1.3, 0.87]).into(),
+        beside.with_row_shares([1.05, 1.4, 0.8]).into(),
     ])
     .with_column_shares([2.2, 1.0])
     .into()
@@ -107,10 +108,11 @@ fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
 
 /// Logs a recording with its layout, for a file or a viewer.
 pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged {
+    let steps = recording.steps().count();
     let clock = Clock {
         timeline: STEP,
         // The legend has its place behind the last step.
-        range: [0, recording.steps().count() / 6 * 7 + 1],
+        range: [0, steps + steps / 6 + 1],
         per_second: 0.5,
         play_state: PlayState::Playing,
     };
@@ -175,16 +177,24 @@ fn log_step(
 type Groups = Vec<(&'static str, [Option<f64>; 4])>;
 
 fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
-    let StepKind::Experiment { measurements, .. } = &step.kind else {
+    let StepKind::Experiment {
+        number,
+        measurements,
+    } = &step.kind
+    else {
         return Vec::new();
     };
-    let groups = |index: usize| {
-        let shown = calibration.record.shown(index).into_iter();
-        shown.filter_map(|each| {
+    let groups = |read: ReadOnce<'_>| {
+        let shown = shown(&read).into_iter();
+        let shown = shown.filter_map(|each| {
             let [x, y, z] = each.vector_mm.map_or([None; 3], |vector| vector.map(Some));
             Some((each.group?, [x, y, z, each.along_mm]))
-        })
+        });
+        shown.collect()
     };
-    let measured = measurements.clone();
-    measured.map(|index| groups(index).collect()).collect()
+    let record = &calibration.record;
+    record
+        .read_in(*number, measurements.clone())
+        .map(groups)
+        .collect()
 }

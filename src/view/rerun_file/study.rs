@@ -61,7 +61,7 @@ impl StudyStream {
         let clock = Clock {
             timeline: RUN,
             // The legend has its place behind the last run.
-            range: [0, runs / 7 * 8],
+            range: [0, runs.saturating_add(runs / 7 + 1)],
             per_second: study.header.trials as f64 / REPLAY_S,
             play_state: PlayState::Following,
         };
@@ -150,7 +150,7 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
         Tabs::new(sources.into_iter().chain(distributions)).into(),
         text("results so far", "text/table"),
     ]);
-    Horizontal::new([left, right.with_row_shares([1.1, 1.1, 1.0]).into()])
+    Horizontal::new([left, right.with_row_shares([1.0, 1.0, 1.15]).into()])
         .with_column_shares([1.25, 1.0])
         .into()
 }

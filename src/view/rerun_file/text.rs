@@ -5,9 +5,10 @@ use nalgebra::Vector3;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::run::MeasuredMessage;
 use crate::text::markdown_text;
+use crate::text::table::RecordTable;
 use crate::text::wording::{listed, micrometres, number};
-use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind};
-use crate::view::tables::{self, RecordTable};
+use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind, shown};
+use crate::view::tables;
 
 /// What the robot does in a step.
 pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
@@ -24,8 +25,8 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
             number,
             measurements,
         } => {
-            let shown = measurements.clone().flat_map(|index| record.shown(index));
-            let shown: Vec<_> = shown.collect();
+            let read = record.read_in(*number, measurements.clone());
+            let shown: Vec<_> = read.flat_map(|read| shown(&read)).collect();
             let planned = record.plan.get(number - 1);
             let direction = planned.and_then(|planned| planned.direction);
             let along = direction.map_or_else(
