@@ -66,6 +66,43 @@ pub fn place(is_driven: bool, text: impl AsRef<[u8]>) -> Workplace {
     Workplace::of_arm(arm(is_driven), text)
 }
 
+/// A column gives about an axis that no other joint has, and two joints cannot bring the tool back: what is left of the nominal robot is
+/// named, and observed beside what is predicted.
+#[test]
+fn what_no_command_makes_up_for_is_named() {
+    let arm = r#"<mujoco><compiler angle="radian"/><worldbody><body name="column"><inertial pos="0 0 0.2" mass="20" diaginertia="1 1 1"/>
+<joint name="flex" axis="0 1 0" stiffness="5e5"/><joint name="a" axis="0 0 1" range="-2.8 2.8"/>
+<body name="upper" pos="0 0 0.5"><inertial pos="0 0 0.2" mass="5" diaginertia="1 1 1"/><joint name="b" axis="1 0 0" range="-1 1"/>
+<site name="tool" pos="0.05 0.15 0.5"/></body></body></worldbody>
+<actuator><position joint="a" kp="1e5"/><position joint="b" kp="1e5"/></actuator></mujoco>"#;
+    let text = "seed = 4\n[robot]\nmodel = \"arm.xml\"\ncalibration_site = \"tool\"\nmachining_site = \"tool\"\n\
+                parameters = [\"flex\", \"a\", \"b\"]\n[instrument]\nsigma_mm = 0.01\nsigma_of = \"position\"\n\
+                [[test_pose]]\nname = \"work\"\nq_deg = [20, 30]\nforce_n = [100, 50, -200]\n\
+                [load]\nkind = \"list\"\nwrenches = [{ force_n = [0, 0, -300] }, { force_n = [200, 0, 0] }]\n\
+                [design]\nexperiments = 4\n[study]\nlevel = \"robot\"\ntrials = 400\n\
+                [[study.plan]]\nname = \"optimal\"\nkind = \"optimal\"\n";
+    let place = Workplace::of_arm(arm, text);
+    let planned = place.run("plan arm.toml --no-proof --json --quiet").json();
+    let conditions = planned["conditions"].as_array().expect("a list");
+    let named = conditions.iter().find(|each| each["code"] == "C0113");
+    let said = named.expect("the condition")["text"]
+        .as_str()
+        .expect("text");
+    let left_um = said.split_once("joints give: ").expect("a number").1;
+    let left_um = left_um.split_once(" um").expect("a unit").0;
+    let left_mm = left_um.parse::<f64>().expect("a number") * 1e-3;
+    let rho0_mm = number(&planned["rho0_mm"]);
+    let study = place.run("study arm.toml --json --quiet").json();
+    let observed_mm = number(&study["plans"][0]["rms_mm"]);
+    assert!(left_mm > 0.5 * rho0_mm, "{left_mm} {rho0_mm}");
+    // Of 400 runs the part that varies is known to some 4 %.
+    let expected_mm = left_mm.hypot(rho0_mm);
+    assert!(
+        (observed_mm / expected_mm - 1.0).abs() < 0.05,
+        "{observed_mm} {expected_mm}"
+    );
+}
+
 /// Commands that make up for a passive joint move links that are not where they are believed to be.
 #[test]
 fn what_makes_up_for_a_passive_joint_counts() {
