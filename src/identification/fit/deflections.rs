@@ -1,5 +1,6 @@
 //! The fit of deflections: linear by eq. 9 (or 6), non-linear by Gauss-Newton through the static equilibrium.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn, stack};
@@ -53,11 +54,10 @@ struct StartEquations {
     /// What is known before, as whitened equations (q x p) of the change from nominal values.
     prior: DMatrix<f64>,
     nominal: DVector<f64>,
-    /// The equations to first order in compliance, whitened, (N + q) x p.
-    linear: DMatrix<f64>,
-    /// Where a fit begins that does not begin near, but for what was read: at nominal values, through the static equilibrium as far as
-    /// there is one.
-    at_nominal: DeflectionRows,
+    /// The equations to first order in compliance.
+    linear: DeflectionRows,
+    /// Those through the static equilibrium at nominal values, as far as there is one, where a fit begins there.
+    at_rest: Option<DeflectionRows>,
     torques: Vec<RestTorques>,
 }
 
@@ -106,13 +106,18 @@ impl StartEquations {
         let at_rest = (source.method == Method::Nonlinear && !is_near)
             .then(|| source.predicted(nominal.as_slice(), &mut torques).ok());
         Self {
-            linear: linear.matrix.clone(),
-            at_nominal: at_rest.flatten().map_or(linear, rows),
+            linear,
+            at_rest: at_rest.flatten().map(rows),
             whitening,
             prior,
             nominal,
             torques,
         }
+    }
+
+    /// Where a fit begins that does not begin near, but for what was read.
+    fn at_nominal(&self) -> &DeflectionRows {
+        self.at_rest.as_ref().unwrap_or(&self.linear)
     }
 }
 
@@ -128,9 +133,9 @@ impl FitStart {
     }
 
     fn of(equations: Arc<StartEquations>, source: &Case<'_>) -> Self {
-        let mut free = equations.linear.clone();
+        let mut free = Cow::Borrowed(&equations.linear.matrix);
         for &place in source.held {
-            free.column_mut(place).fill(0.0);
+            free.to_mut().column_mut(place).fill(0.0);
         }
         let estimable = Estimable::of_equations(&free, &source.belief.sizes());
         let mut start = Self {
@@ -140,7 +145,7 @@ impl FitStart {
             equations,
         };
         if !source.belief.uncertain.is_plain() || source.method == Method::Nonlinear {
-            start.factor = sound_factor(start.information(&start.equations.at_nominal));
+            start.factor = sound_factor(start.information(start.equations.at_nominal()));
         }
         start
     }
@@ -283,7 +288,7 @@ impl FitProblem for DeflectionProblem<'_> {
 pub fn fit_linear(start: &FitStart, source: &Case<'_>) -> DeflectionFit {
     let rows = start
         .equations
-        .at_nominal
+        .at_nominal()
         .clone()
         .reading(&start.read(source));
     start.end(
@@ -307,7 +312,7 @@ pub fn fit_nonlinear(
         let off = DVector::from_column_slice(near) - nominal;
         (start.estimable.coordinates_of(&off), 0.0)
     } else {
-        let rows = start.equations.at_nominal.clone().reading(&read);
+        let rows = start.equations.at_nominal().clone().reading(&read);
         let gradient = start.gradient(&rows);
         let step = start.step(&rows, &gradient, start.factor.as_ref());
         let length = gradient.dot(&step).max(0.0).sqrt();
