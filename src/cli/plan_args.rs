@@ -145,6 +145,12 @@ impl PlanArgs {
             let hint = "give the columns fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
             return Err(FileError::new(path, problem).hint(hint));
         }
+        if task.test_poses.iter().any(|pose| pose.direction.is_some()) {
+            let problem = "found no directions, and the scenario's test poses count the error along directions";
+            let hint =
+                "list the poses as tables [[test_pose]], or leave the scenario's directions out";
+            return Err(FileError::new(path, problem).hint(hint));
+        }
         let weight = (rows.len() as f64).recip();
         let mut poses = Vec::new();
         for row in rows {

@@ -146,8 +146,7 @@ fn of_deflections(
     let belief = &scenario.task.belief;
     let measured = read_measurements(file, belief)?;
     let beside = |measurements: &[_]| {
-        validate(belief, &identified.posterior, measurements)
-            .map_err(|error| FileError::new(file, error.to_string()))
+        validate(belief, &identified.posterior, measurements).map_err(|error| error.in_file(file))
     };
     // What the model left unexplained is in other measurements, too.
     let sigma_m = belief.instrument.sigma_m;

@@ -251,7 +251,10 @@ impl ResultsFile {
                 name += &format!(", {m} measurements, {sigma_mm} mm, load {load}");
             }
             let name = self.add_plan(&name);
-            self.add(&name, Quantity::Rho0, None, plan.size("predicted_rms_mm")?);
+            // That of the noise alone depends on the robots that were sampled where more is listed.
+            let keys = ["combined_rms_mm", "predicted_rms_mm"];
+            let key = keys[usize::from(plan.json.get(keys[0]).is_none())];
+            self.add(&name, Quantity::Rho0, None, plan.size(key)?);
             self.add(&name, Quantity::MeanError, None, plan.size("mean_mm")?);
             if let Some(last) = self.numbers.last_mut() {
                 let error_mm: Option<f64> = plan.size("mean_std_mm")?;

@@ -266,19 +266,9 @@ impl<'a> InverseKinematics<'a> {
 
     /// The same configuration with hinges turned by whole turns into their ranges, or next to these, as near as can be to another one.
     fn turned(&self, mut stands: DVector<f64>, near: &DVector<f64>) -> DVector<f64> {
-        use std::f64::consts::TAU;
         for &joint in &self.commanded {
-            let [low, high] = self.chain.joints[joint].range_rad;
-            if self.chain.joints[joint].drive.slides {
-                continue;
-            }
-            let own = stands[joint];
-            let nearest = own + TAU * ((near[joint] - own) / TAU).round();
-            let turns = [0.0, 1.0, -1.0, 2.0, -2.0, 3.0, -3.0];
-            let beyond = |angle: f64| (low - angle).max(angle - high).max(0.0);
-            let all = turns.iter().map(|turns| nearest + turns * TAU);
-            let best = all.min_by(|one, other| beyond(*one).total_cmp(&beyond(*other)));
-            stands[joint] = best.unwrap_or(nearest);
+            let own = &self.chain.joints[joint];
+            stands[joint] = own.turned_into(own.range_rad, stands[joint], near[joint]);
         }
         stands
     }

@@ -8,6 +8,8 @@ use crate::text::wording::p_value;
 
 /// A larger share of the readings than this is not left out without being a condition.
 const MANY_LEFT_OUT: f64 = 0.05;
+/// So many readings that are outliers at one end of a table are no chance.
+const FEWEST_MOVED: usize = 3;
 /// Joints that are springs leave less than this share of the deflections of robots (rms of a coordinate).
 const SPRINGS_LEAVE: f64 = 0.05;
 
@@ -31,9 +33,27 @@ fn told(code: ConditionCode, words: String, must_act: bool) -> Told {
 /// Of so many readings those that were left out, if any: a condition where these are more than happens.
 pub(crate) fn left_out(rejected: &[RejectedReading], count: usize, noun: &str) -> Option<Told> {
     let share = rejected.len() as f64 / count.max(1) as f64;
-    let words = RejectedReading::words(rejected, count, noun)?;
+    let mut words = RejectedReading::words(rejected, count, noun)?;
+    if let Some(which) = at_one_end(rejected, count, noun) {
+        words += &format!("; they are all {which}: was an instrument or a target moved there?");
+    }
     let is_many = share > MANY_LEFT_OUT;
     Some(told(ConditionCode::Outliers, words, is_many))
+}
+
+/// Which readings those that were left out are, if they are all that there are at one end of so many.
+fn at_one_end(rejected: &[RejectedReading], count: usize, noun: &str) -> Option<String> {
+    let left_out = rejected.len();
+    let kept = count
+        .checked_sub(left_out)
+        .filter(|_| left_out >= FEWEST_MOVED)?;
+    if rejected.iter().all(|each| each.reading < left_out) {
+        Some(format!("before {noun} {}", left_out + 1))
+    } else if rejected.iter().all(|each| each.reading >= kept) {
+        Some(format!("from {noun} {} on", kept + 1))
+    } else {
+        None
+    }
 }
 
 /// What is told of residuals that are larger, or smaller, than these standard deviations make them, by the probabilities of as large and

@@ -181,9 +181,10 @@ impl IdentificationError {
     /// Its kind.
     pub fn code(&self) -> ErrorCode {
         match self {
-            Self::NoMeasurements | Self::NothingObserved | Self::NoResiduals { .. } => {
-                ErrorCode::NothingIdentified
-            }
+            Self::NoMeasurements
+            | Self::NothingObserved
+            | Self::NoResiduals { .. }
+            | Self::NotDetermined { .. } => ErrorCode::NothingIdentified,
             Self::Equilibrium { .. } => ErrorCode::NoEquilibrium,
             Self::NotConverged { .. } => ErrorCode::NotConverged,
             Self::Frames { .. } | Self::TooFew { .. } => ErrorCode::Frames,
@@ -204,7 +205,10 @@ impl IdentificationError {
         match self {
             Self::Mistaken { likely, .. } => Some(likely),
             Self::Units { .. } => Some(
-                "metres in a column of millimetres, or radians in one of degrees? `elastocal import` converts",
+                "metres or inches in a column of millimetres, or radians in one of degrees? `elastocal import` converts",
+            ),
+            Self::NotDetermined { .. } => Some(
+                "say what is known of them, as [[uncertainty]] of kind = \"compliance\", and identify again",
             ),
             Self::Unlike { .. } => Some(
                 "check the order, signs and units of the joint angles, and whether station and target name the right rows",

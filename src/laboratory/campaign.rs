@@ -5,13 +5,15 @@
 //! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
 //! side every time, so that backlash and friction are the same in both positions.
 //!
+//! Where something is new at each visit, repeats are visits: the k-th of all configurations are one round, so that the robot leaves a
+//! configuration before it comes there again. Otherwise repeats are readings of one visit.
+//!
 //! Where the laboratory hangs loads in place, the robot stands at each configuration until both positions are read. A gauge on its stand
 //! loses its zero when the robot leaves: it is set for each measurement, and the load hung in place.
 //!
 //! Of absolute readings a stop is one visit, in which all its targets are read. The instrument is set up at each station once, since
-//! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already. The k-th visits
-//! of all configurations are one round, so that the robot leaves a configuration before it comes there again. Where loads are hung in place
-//! a visit is a stop for each of its loads, the first under what hangs already.
+//! its frame is another afterwards; there, one load hangs after the other, beginning with the one that hangs already, in rounds. Where
+//! loads are hung in place a visit is a stop for each of its loads, the first under what hangs already.
 
 use std::collections::BTreeSet;
 
@@ -94,13 +96,12 @@ impl Campaign {
         plan: &Plan,
         keep_order: bool,
     ) -> Result<Self, CampaignError> {
-        let unloaded = task.belief.instrument.unloaded;
         let stays = task.belief.loading == Loading::InPlace;
         let groups = |planner: &Planner<'_>| {
             let places = 0..plan.experiments.len();
             let (in_place, others): (Vec<usize>, Vec<usize>) =
                 places.partition(|&place| stays || plan.experiments[place].direction.is_some());
-            let mut groups = groups_of_loads(plan, others.into_iter(), unloaded, keep_order);
+            let mut groups = groups_of_loads(&task.belief, plan, others.into_iter(), keep_order);
             groups.extend(planner.in_place(&in_place, keep_order));
             groups
         };

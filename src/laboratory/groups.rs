@@ -1,5 +1,7 @@
 //! What is measured together: stops under one load, with the instrument at one station.
 
+use std::iter;
+
 use nalgebra::{DVector, Vector3};
 
 use super::side::Side;
@@ -162,10 +164,11 @@ pub(super) fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
 }
 
 /// The groups of experiments of a plan of deflections, by their places: all configurations without a load, then those of each load.
+/// Repeats that are visits are made in rounds.
 pub(super) fn groups_of_loads(
+    belief: &Belief,
     plan: &Plan,
     places: impl Iterator<Item = usize>,
-    unloaded_reading: Unloaded,
     keep_order: bool,
 ) -> Vec<Group> {
     let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
@@ -174,7 +177,7 @@ pub(super) fn groups_of_loads(
         let experiment = &plan.experiments[index];
         let same = (unloaded.iter_mut())
             .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
-        let needed = match unloaded_reading {
+        let needed = match belief.instrument.unloaded {
             // Each measurement has a reading without a load of its own: deflections share no error.
             Unloaded::Own => experiment.repeats,
             Unloaded::Shared => u32::from(same.is_none()),
@@ -208,7 +211,45 @@ pub(super) fn groups_of_loads(
         is_in_place: false,
         members: unloaded,
     };
-    [first].into_iter().chain(loaded).collect()
+    let all = [first].into_iter().chain(loaded);
+    if belief.repeats_are_visits() {
+        all.flat_map(|group| rounds(plan, group)).collect()
+    } else {
+        all.collect()
+    }
+}
+
+/// Visits of one reading each in place of several, so that the robot leaves a configuration before it comes there again.
+fn rounds(plan: &Plan, group: Group) -> Vec<Group> {
+    let experiment = |visit: &[usize]| &plan.experiments[visit[0]];
+    let mut rounds: Vec<Vec<(Vec<usize>, u32)>> = Vec::new();
+    for (experiments, readings) in group.members {
+        let visits: Vec<Vec<usize>> = if readings == 1 {
+            vec![experiments]
+        } else {
+            let repeats = |&index: &usize| plan.experiments[index].repeats as usize;
+            let visits = experiments.iter();
+            (visits.flat_map(|index| iter::repeat_n(vec![*index], repeats(index)))).collect()
+        };
+        for visit in visits {
+            let comes_here =
+                |(other, _): &(Vec<usize>, u32)| stand_alike(experiment(other), experiment(&visit));
+            let round = rounds
+                .iter()
+                .position(|round| !round.iter().any(comes_here));
+            match round {
+                Some(round) => rounds[round].push((visit, 1)),
+                None => rounds.push(vec![(visit, 1)]),
+            }
+        }
+    }
+    let round = |members| Group {
+        loads: group.loads.clone(),
+        station: group.station.clone(),
+        members,
+        ..group
+    };
+    rounds.into_iter().map(round).collect()
 }
 
 /// A visit of a plan of absolute readings.

@@ -47,7 +47,19 @@ fn readings(task: &Task, size: PlanSize, along: f64) -> f64 {
     measurements + without_load
 }
 
-/// The minutes that measurements take at most, without the time that joints turn: two stops for each configuration, and the readings; a
+/// How often the robot stands somewhere, without a load and with one, for so many measurements in so many configurations.
+fn stands(task: &Task, measurements: f64, configurations: f64) -> f64 {
+    match (
+        task.belief.repeats_are_visits(),
+        task.belief.instrument.unloaded,
+    ) {
+        (false, _) => 2.0 * configurations,
+        (true, Unloaded::Own) => 2.0 * measurements,
+        (true, Unloaded::Shared) => configurations + measurements,
+    }
+}
+
+/// The minutes that measurements take at most, without the time that joints turn: stops without and with a load, and the readings; a
 /// load is hung in place for each of those whose share is given, and a gauge is set for each that it reads.
 fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64) -> f64 {
     let costs = &laboratory.costs;
@@ -63,7 +75,7 @@ fn work_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize, along: f64
     let work = match task.belief.loading {
         _ if others == 0.0 => [0.0; 3],
         Loading::InPlace => [1.0, others, others],
-        Loading::Returns => [1.0, 2.0 * stops, changes],
+        Loading::Returns => [1.0, stands(task, others, stops), changes],
     };
     costs.work_min([by_gauge; 3], 0.0) + costs.work_min(work, readings(task, size, along))
 }
@@ -78,7 +90,14 @@ fn share_along(plan: &Plan) -> f64 {
 /// The minutes that a plan of deflections of such a size takes at least: under one load, with nothing in the way and nowhere to turn. Experiments
 /// under two loads may share their configuration.
 pub fn least_minutes(task: &Task, laboratory: &Laboratory, size: PlanSize) -> f64 {
-    let stops = f64::from(size.configurations + 1);
+    let always_returns = task.belief.loading == Loading::Returns
+        && task.belief.instrument.reads_along() == ReadsAlong::Never;
+    let stops = if always_returns && task.belief.repeats_are_visits() {
+        // Without a load there may be one configuration.
+        stands(task, f64::from(size.measurements), 1.0)
+    } else {
+        f64::from(size.configurations + 1)
+    };
     (laboratory.costs).work_min([1.0, stops, 1.0], readings(task, size, 0.0))
 }
 
@@ -145,6 +164,7 @@ pub fn plans_within(
             break;
         }
     }
+    let mut plans: Vec<TimedPlan> = plans.into_iter().map(|plan| search.filled(plan)).collect();
     plans.sort_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
     Ok(plans)
 }
@@ -157,6 +177,39 @@ struct TimeSearch<'a> {
 }
 
 impl TimeSearch<'_> {
+    /// The same plan with what there is time left for: repeats, each time of the experiment that leaves least.
+    fn filled(&self, mut timed: TimedPlan) -> TimedPlan {
+        let task = self.plans.problem.task;
+        let again = |plan: &Plan, index: usize| {
+            let mut plan = plan.clone();
+            plan.experiments[index].repeats += 1;
+            let rho0_m = rho0_m(task, &posterior(&task.belief, &plan))?;
+            Some((rho0_m, plan))
+        };
+        while timed.experiments < MEASUREMENTS {
+            let all = 0..timed.plan.experiments.len();
+            let mut better: Vec<(f64, Plan)> =
+                all.filter_map(|index| again(&timed.plan, index)).collect();
+            better.retain(|(rho0_m, _)| *rho0_m < timed.rho0_m);
+            better.sort_by(|one, other| one.0.total_cmp(&other.0));
+            let in_time = better.into_iter().find_map(|(rho0_m, plan)| {
+                let campaign = Campaign::new(task, self.laboratory, &plan, false).ok()?;
+                (campaign.minutes <= self.minutes).then_some((rho0_m, campaign.minutes, plan))
+            });
+            let Some((rho0_m, minutes, plan)) = in_time else {
+                break;
+            };
+            timed = TimedPlan {
+                experiments: timed.experiments + 1,
+                configurations: timed.configurations,
+                plan,
+                rho0_m,
+                minutes,
+            };
+        }
+        timed
+    }
+
     /// The plan of as many measurements in so many configurations as there is time for, where the ways take so many
     /// minutes and a gauge reads such a share of them, as is expected; with the minutes that the ways do take.
     fn plan(
@@ -183,13 +236,24 @@ impl TimeSearch<'_> {
         };
         let mut are_fewest_left = least_minutes(task, laboratory, least) <= minutes;
         let (mut found, mut ways_min, mut along) = (None, expected_min, expected_along);
+        let (mut made, mut too_many) = (fewest - 1, MEASUREMENTS + 1);
         // The ways are known when there is a plan, and hardly depend on how often each experiment is measured.
         for _ in 0..TRIES {
-            let experiments = match fits(ways_min, along) {
+            let wanted = match fits(ways_min, along) {
                 Some(experiments) => experiments,
-                None if are_fewest_left && found.is_none() => fewest,
+                None if found.is_some() => made,
+                None if are_fewest_left => fewest,
                 None => break,
             };
+            // What a gauge reads, and so how long all takes, may change with the number: between too many and those that there are.
+            let experiments = if (made + 1..too_many).contains(&wanted) {
+                wanted
+            } else {
+                u32::midpoint(made, too_many)
+            };
+            if experiments <= made {
+                break;
+            }
             are_fewest_left &= experiments > fewest;
             let size = PlanSize {
                 measurements: experiments,
@@ -213,12 +277,12 @@ impl TimeSearch<'_> {
                     configurations,
                     minutes: campaign.minutes,
                 };
-                found = Some((timed, ways_min));
+                (found, made) = (Some((timed, ways_min)), experiments);
                 if fits(ways_min, along).is_none_or(|more| more <= experiments) {
                     break;
                 }
-            } else if found.is_some() {
-                break;
+            } else {
+                too_many = experiments;
             }
         }
         Ok(found)

@@ -52,9 +52,6 @@ impl Posterior {
 
     /// The standard error of a parameter; `None` where it is not determined by itself.
     pub fn standard_error(&self, index: usize) -> Option<f64> {
-        if self.estimable.is_complete() {
-            return Some(self.covariance[(index, index)].sqrt());
-        }
         let standard_error = self.covariance[(index, index)].max(0.0).sqrt();
         (self.estimable.determines(index, standard_error)).then_some(standard_error)
     }

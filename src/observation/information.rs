@@ -6,12 +6,12 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::model::ObservationModel;
-use super::reading::{Observation, PlannedReading, Prediction, ReadingKind, Setup};
+use super::reading::{Observation, PlannedReading, Prediction, ReadingKind, Setup, Whitener};
 use crate::parameter::{ElasticArm, ParameterSet};
 use crate::robot::EquilibriumError;
 
 /// Readings whose sums are made in one piece: the pieces, and so the bits, do not depend on threads.
-const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 
 /// What readings say about p parameters at one vector of values, in units of the parameters' typical
 /// sizes; readings are whitened.
@@ -92,7 +92,6 @@ pub(super) fn in_blocks<T: Sync, E: Send>(
 
 /// The sums of a block of observations, with the room that they are made in.
 pub(super) struct ReadingSums<'a> {
-    model: ObservationModel<'a>,
     scales: &'a DVector<f64>,
     /// The whitened rows of the last observation, in units of typical sizes.
     pub rows: Matrix6xX<f64>,
@@ -100,63 +99,42 @@ pub(super) struct ReadingSums<'a> {
 }
 
 impl<'a> ReadingSums<'a> {
-    pub fn new(model: &ObservationModel<'a>, scales: &'a DVector<f64>) -> Self {
+    pub fn new(scales: &'a DVector<f64>) -> Self {
         Self {
-            model: model.clone(),
             scales,
             rows: Matrix6xX::zeros(scales.len()),
             sums: NormalEquations::zeros(scales.len()),
         }
     }
 
-    /// Adds an observation through the static equilibrium, and returns its whitened residual.
-    pub fn add(&mut self, each: &Observation) -> Result<Vector6<f64>, EquilibriumError> {
-        let (kind, rows) = (each.reading.kind(), &mut self.rows);
-        let predicted = self.model.predict(&each.setup, kind, rows)?;
-        let residual = each.whiten(&predicted, rows);
-        self.add_whitened(kind, &residual);
+    /// Adds a reading of some kind and precision, whose derivatives are written, and returns its whitened residual.
+    pub fn add<E>(
+        &mut self,
+        (kind, whitener): (ReadingKind, &Whitener),
+        write: impl FnOnce(&mut Matrix6xX<f64>) -> Result<Vector6<f64>, E>,
+    ) -> Result<Vector6<f64>, E> {
+        let mut residual = write(&mut self.rows)?;
+        whitener.whiten(kind, &mut residual, &mut self.rows);
+        in_sizes(&mut self.rows, self.scales);
+        self.sums.add(&self.rows, kind.rows(), &residual);
         Ok(residual)
     }
 
-    pub fn add_planned(&mut self, each: &PlannedReading) {
-        let (mut residual, rows) = (Vector6::zeros(), &mut self.rows);
-        self.model
-            .predict_as_planned(None, &each.setup, each.kind, rows);
-        each.whitener.whiten(each.kind, &mut residual, rows);
-        self.add_whitened(each.kind, &residual);
+    /// Adds what a planned reading tells, as planning sees it.
+    pub fn add_planned(&mut self, model: &mut ObservationModel<'_>, each: &PlannedReading) {
+        let by = (each.kind, &each.whitener);
+        let added: Result<_, Infallible> = self.add(by, |rows| {
+            model.predict_as_planned(None, &each.setup, each.kind, rows);
+            Ok(Vector6::zeros())
+        });
+        let Ok(_) = added;
     }
-
-    fn add_whitened(&mut self, kind: ReadingKind, residual: &Vector6<f64>) {
-        in_sizes(&mut self.rows, self.scales);
-        self.sums.add(&self.rows, kind.rows(), residual);
-    }
-}
-
-/// The normal equations of observations at values of the parameters (p), through the static equilibrium.
-///
-/// # Errors
-/// The arm has no equilibrium for an observation, whose place in the list is given.
-pub fn normal_equations(
-    set: &ParameterSet,
-    nominal: &ElasticArm,
-    values: &DVector<f64>,
-    observations: &[Observation],
-) -> Result<NormalEquations, (usize, EquilibriumError)> {
-    let model = ObservationModel::new(set, nominal, values.as_slice());
-    let scales = set.scales();
-    in_blocks(set.len(), observations, BLOCK, |first, observations| {
-        let mut block = ReadingSums::new(&model, &scales);
-        for (index, each) in observations.iter().enumerate() {
-            block.add(each).map_err(|error| (first + index, error))?;
-        }
-        Ok(block.sums)
-    })
 }
 
 /// What is made of each observation's prediction through the static equilibrium, with the derivatives (6 x p), in their order.
 ///
 /// # Errors
-/// As [`normal_equations`].
+/// The arm has no equilibrium for an observation, whose place in the list is given.
 pub fn of_each_prediction<T: Send>(
     model: &ObservationModel<'_>,
     observations: &[Observation],
@@ -189,9 +167,9 @@ pub fn planned_information(
     let model = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
     let sums = in_blocks(set.len(), readings, BLOCK, |_, readings| {
-        let mut block = ReadingSums::new(&model, &scales);
+        let (mut block, mut model) = (ReadingSums::new(&scales), model.clone());
         for each in readings {
-            block.add_planned(each);
+            block.add_planned(&mut model, each);
         }
         Ok::<_, Infallible>(block.sums)
     });

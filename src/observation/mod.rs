@@ -16,6 +16,7 @@ mod compliances;
 mod gradient;
 mod information;
 mod length;
+mod linear;
 mod model;
 mod observed;
 mod planned;
@@ -33,16 +34,17 @@ mod visits_tests;
 
 pub use compliances::{BareArm, ComplianceColumns};
 pub use information::{
-    NormalEquations, normal_equations, of_each_prediction, planned_information, planned_positions,
-    planned_rows, turning_load_rows,
+    NormalEquations, of_each_prediction, planned_information, planned_positions, planned_rows,
+    turning_load_rows,
 };
 pub use length::{LengthKind, ReadLength};
+pub use linear::LinearObservations;
 pub use model::{ObservationModel, RestTorques};
 pub use planned::{CovarianceTogether, NOTHING_READ, PlannedReadings};
 pub use reading::{
-    DeflectionPrecision, Observation, PlannedReading, Prediction, Reading, ReadingKind, Setup,
-    Whitener,
+    DeflectionPrecision, Hook, Observation, PlannedReading, Prediction, Reading, ReadingKind,
+    Setup, Whitener,
 };
 pub use reading_errors::{ReadingErrors, SharedRounding, turned_columns, turned_covariance};
-pub use shared::{SharedErrors, SharingReadings, planned_information_of_groups, shared_equations};
+pub use shared::{SharedErrors, SharingReadings, normal_equations, planned_information_of_groups};
 pub use visits::{ConfigurationEquations, SharingReading, Together, Visits, visits_of};

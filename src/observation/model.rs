@@ -298,7 +298,8 @@ impl<'a> ObservationModel<'a> {
         };
         let (nominal, approach) = (&off_springs.nominal, setup.approach.as_ref());
         let q = setup.commanded_rad.as_slice();
-        let tool = setup.hook().unwrap_or(&nominal.tools[setup.target]);
+        let target = &nominal.tools[setup.target];
+        let tool = (setup.hook()).map_or(target, |hook| hook.among(&nominal.tools));
         let under = |load: &Load| nominal.leanings(q, tool, load, approach);
         let unloaded = under(&Load::NONE);
         let here = if is_loaded {
@@ -341,8 +342,9 @@ impl<'a> ObservationModel<'a> {
         }
         let state = given.unwrap_or(&self.state);
         let hook = setup.hook().map(|hook| {
-            (self.chain.at(hook)).update(&self.commanded_rad, &mut self.hook);
-            &self.hook
+            let tool = hook.among(&self.belief.tools);
+            (self.chain.at(tool)).update(&self.commanded_rad, &mut self.hook);
+            (hook, &self.hook)
         });
         let gravity = if has_rigid_motion {
             self.chain.gravity_m_s2
@@ -352,8 +354,9 @@ impl<'a> ObservationModel<'a> {
         let mut bent = Vector3::zeros();
         let mut turned = Vector3::zeros();
         for joint in 0..self.torque.len() {
-            self.torque[joint] = hook.unwrap_or(state).load_torque(joint, load)
-                + state.gravity_torque(joint, &gravity);
+            let loaded = hook.map_or(state, |(_, hook)| hook);
+            self.torque[joint] =
+                loaded.load_torque(joint, load) + state.gravity_torque(joint, &gravity);
             let angle = self.belief.compliance_rad_per_nm[joint] * self.torque[joint];
             bent += state.position_column(joint) * angle;
             turned += state.rotation_column(joint) * angle;
@@ -417,7 +420,8 @@ impl<'a> ObservationModel<'a> {
     ) -> Result<Prediction, EquilibriumError> {
         let target = &self.belief.tools[setup.target];
         let hook = setup.hook().filter(|_| is_loaded);
-        let mut arm = self.chain.at(hook.unwrap_or(target));
+        let carrier = hook.map_or(target, |hook| hook.among(&self.belief.tools));
+        let mut arm = self.chain.at(carrier);
         let compliance = &self.belief.compliance_rad_per_nm;
         let commanded = &self.commanded_rad;
         match &mut self.near {
@@ -451,7 +455,7 @@ impl<'a> ObservationModel<'a> {
             target: setup.target,
             asked_rad: &self.asked_rad,
             load,
-            hook: read.map(|_| self.solver.state()),
+            hook: hook.map(|hook| (hook, self.solver.state())),
             gravity_m_s2: &self.chain.gravity_m_s2,
             torque: self.solver.torque(),
             leanings: (self.off_springs.as_ref())

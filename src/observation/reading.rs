@@ -16,8 +16,8 @@ pub struct Setup {
     pub commanded_rad: DVector<f64>,
     /// The load in the robot's base frame.
     pub load: Load,
-    /// The tool that it hangs on, where the model has it, if that is another than the target.
-    pub hangs_on: Option<Arc<Tool>>,
+    /// What it hangs on, if that is another than the target.
+    pub hangs_on: Option<Hook>,
     /// Which of the belief's tools is read.
     pub target: usize,
     /// At which of the belief's stations the instrument stands.
@@ -32,9 +32,28 @@ impl Setup {
         (&self.commanded_rad, self.approach.as_ref())
     }
 
-    /// The tool that a load hangs on, if there is one and it is another than the target.
-    pub fn hook(&self) -> Option<&Tool> {
-        (self.hangs_on.as_deref()).filter(|_| self.load != Load::NONE)
+    /// What a load hangs on, if there is one and that is another than the target.
+    pub fn hook(&self) -> Option<&Hook> {
+        (self.hangs_on.as_ref()).filter(|_| self.load != Load::NONE)
+    }
+}
+
+/// A tool that a load hangs on, which is another than the target.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Hook {
+    /// One of the belief's, by its number: it is where its own readings find it.
+    Tool(usize),
+    /// One that no reading finds, where the model has it.
+    Unread(Arc<Tool>),
+}
+
+impl Hook {
+    /// The tool, of a belief's.
+    pub fn among<'a>(&'a self, tools: &'a [Tool]) -> &'a Tool {
+        match self {
+            Self::Tool(number) => &tools[*number],
+            Self::Unread(tool) => tool,
+        }
     }
 }
 
@@ -306,6 +325,18 @@ impl Observation {
         predicted: &Prediction,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Vector6<f64> {
+        let mut residual = self.compare(predicted, derivatives);
+        self.whitener
+            .whiten(self.reading.kind(), &mut residual, derivatives);
+        residual
+    }
+
+    /// The same before they are whitened.
+    pub(super) fn compare(
+        &self,
+        predicted: &Prediction,
+        derivatives: &mut Matrix6xX<f64>,
+    ) -> Vector6<f64> {
         let (position, rotation) = match &self.reading {
             Reading::Position { .. } | Reading::Length(_) => {
                 (self.position_m() - predicted.position_m, Vector3::zeros())
@@ -336,8 +367,6 @@ impl Observation {
         let mut residual = Vector6::zeros();
         residual.fixed_rows_mut::<3>(0).copy_from(&position);
         residual.fixed_rows_mut::<3>(3).copy_from(&rotation);
-        self.whitener
-            .whiten(self.reading.kind(), &mut residual, derivatives);
         residual
     }
 }

@@ -14,6 +14,7 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix6, Matrix6xX, Vector6};
 use rayon::prelude::*;
 
 use super::information::{NormalEquations, ReadingSums, in_blocks};
+use super::linear::{LinearObservations, ObservationSource, equations_of};
 use super::model::ObservationModel;
 use super::reading::{Observation, PlannedReading, ReadingKind, Whitener};
 use crate::parameter::{ElasticArm, ParameterSet};
@@ -69,28 +70,46 @@ impl SharedErrors {
     }
 }
 
-/// The normal equations of observations of which groups share errors, through the static equilibrium.
+/// The normal equations of observations at values of the parameters (p), through the static equilibrium, or of what is known of them to
+/// first order; groups may share errors.
 ///
 /// # Errors
 /// The arm has no equilibrium for an observation, whose place in the list is given.
-pub fn shared_equations(
+pub fn normal_equations(
     set: &ParameterSet,
     nominal: &ElasticArm,
     values: &DVector<f64>,
     observations: &[Observation],
+    shared: Option<&SharedErrors>,
+    linear: Option<&LinearObservations>,
+) -> Result<NormalEquations, (usize, EquilibriumError)> {
+    let scales = set.scales();
+    let model = || ObservationModel::new(set, nominal, values.as_slice());
+    let from = match linear {
+        Some(linear) => ObservationSource::Linear(linear, values),
+        None => ObservationSource::Predicted(Box::new(model())),
+    };
+    match shared {
+        None => equations_of(&from, &scales, observations),
+        Some(shared) => equations_of_groups(&from, &scales, observations, shared),
+    }
+}
+
+fn equations_of_groups(
+    from: &ObservationSource<'_>,
+    scales: &DVector<f64>,
+    observations: &[Observation],
     shared: &SharedErrors,
 ) -> Result<NormalEquations, (usize, EquilibriumError)> {
-    let model = ObservationModel::new(set, nominal, values.as_slice());
-    let scales = set.scales();
-    in_blocks(set.len(), &shared.groups, BLOCK, |_, groups| {
-        let mut block = ReadingSums::new(&model, &scales);
+    in_blocks(scales.len(), &shared.groups, BLOCK, |_, groups| {
+        let (mut block, mut from) = (ReadingSums::new(scales), from.clone());
         for group in groups {
             let effects = group.effects.first().map_or(0, Matrix6xX::ncols);
-            let mut sums = EffectSums::new(effects, set.len());
+            let mut sums = EffectSums::new(effects, scales.len());
             for (&index, effects) in group.readings.iter().zip(&group.effects) {
                 let each = &observations[index];
-                let residual = block.add(each).map_err(|error| (index, error))?;
                 let by = (each.reading.kind(), &each.whitener);
+                let residual = block.add(by, |rows| from.of(index, each, rows))?;
                 sums.add(by, effects, &block.rows, &residual);
             }
             sums.take_from(&mut block.sums);
@@ -110,13 +129,13 @@ pub fn planned_information_of_groups(
 ) -> Vec<DMatrix<f64>> {
     let model = ObservationModel::new(set, nominal, values.as_slice());
     let scales = set.scales();
-    let room = || ReadingSums::new(&model, &scales);
-    let of_group = |block: &mut ReadingSums<'_>, group: &SharingReadings| {
+    let room = || (ReadingSums::new(&scales), model.clone());
+    let of_group = |(block, model): &mut (ReadingSums<'_>, _), group: &SharingReadings| {
         let effects = group.effects.first().map_or(0, Matrix6xX::ncols);
         let mut shared = EffectSums::new(effects, set.len());
         for (&index, effects) in group.readings.iter().zip(&group.effects) {
             let each = &readings[index];
-            block.add_planned(each);
+            block.add_planned(model, each);
             let by = (each.kind, &each.whitener);
             shared.add(by, effects, &block.rows, &Vector6::zeros());
         }

@@ -15,6 +15,7 @@
 
 use nalgebra::{DMatrix, Isometry3, Matrix3, Matrix6x3, Matrix6xX, Rotation3, Vector3, Vector6};
 
+use super::reading::Hook;
 use super::reading_errors::column as jacobian_column;
 use super::rotation::left_jacobian;
 use crate::parameter::{
@@ -76,8 +77,8 @@ pub(super) struct SweepPose<'a> {
     pub target: usize,
     /// The load that acts, its scale included.
     pub load: &'a Load,
-    /// The geometry of the tool that it hangs on, if that is another than the target: nothing of the target moves it.
-    pub hook: Option<&'a KinematicState>,
+    /// The tool that it hangs on and its geometry, if that is another than the target: nothing of the target moves it.
+    pub hook: Option<(&'a Hook, &'a KinematicState)>,
     pub gravity_m_s2: &'a Vector3<f64>,
     /// The joint torques (N m).
     pub torque: &'a [f64],
@@ -113,7 +114,12 @@ impl SweepPose<'_> {
 
     /// The geometry of the tool that the load acts at.
     fn loaded(&self) -> &KinematicState {
-        self.hook.unwrap_or(self.state)
+        self.hook.map_or(self.state, |(_, hook)| hook)
+    }
+
+    /// Whether the load hangs on a tool that is another than the target.
+    fn hangs_on(&self, tool: usize) -> bool {
+        (self.hook).is_some_and(|(hook, _)| *hook == Hook::Tool(tool))
     }
 
     fn is_uncompensated(&self) -> bool {
@@ -249,9 +255,7 @@ impl Sweep {
                     )
                 }
                 ParameterKind::ToolPosition { tool, axis } if tool == pose.target => {
-                    let joints = pose.state.tool_joints;
-                    let direction =
-                        self.before[joints] * self.tools[tool].displacement.column(axis.index());
+                    let direction = self.tool_axis(pose.state, tool, axis);
                     self.of_tool(pose, &Twist::translation(direction))
                 }
                 ParameterKind::ToolRotation { tool, axis } if tool == pose.target => {
@@ -259,6 +263,10 @@ impl Sweep {
                     let about =
                         self.before[joints] * self.tools[tool].rotation.column(axis.index());
                     self.of_tool(pose, &Twist::rotation(about, &pose.state.tool_position))
+                }
+                ParameterKind::ToolPosition { tool, axis } if pose.hangs_on(tool) => {
+                    let moved = self.tool_axis(pose.loaded(), tool, axis);
+                    self.inner[pose.loaded().tool_joints] * moved.cross(&pose.load.force_n)
                 }
                 ParameterKind::LinkMass { link } => self.of_mass(pose, &mass_of_link(pose, link)),
                 ParameterKind::LinkCentre { link, axis } => {
@@ -492,6 +500,11 @@ impl Sweep {
             column += self.rigidly(pose, m, &twist.at(&state.tool_position), &twist.omega);
         }
         column + self.inner[m] * moment + self.of_places(pose, m, twist)
+    }
+
+    /// An axis of a tool's displacement in the base frame, where the tool is.
+    fn tool_axis(&self, state: &KinematicState, tool: usize, axis: Axis) -> Vector3<f64> {
+        self.before[state.tool_joints] * self.tools[tool].displacement.column(axis.index())
     }
 
     fn of_tool(&self, pose: &SweepPose<'_>, twist: &Twist) -> Vector6<f64> {

@@ -1,11 +1,9 @@
 //! The model's derivatives against differences of its predictions.
 
-use std::sync::Arc;
-
 use nalgebra::{Matrix6xX, Vector3, Vector6};
 
 use super::rotation::inverse_left_jacobian;
-use super::{LengthKind, ObservationModel, Prediction, ReadingKind, Setup};
+use super::{Hook, LengthKind, ObservationModel, Prediction, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, everything, random, random_elastic, ur10};
 use crate::parameter::{ElasticArm, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{
@@ -100,11 +98,11 @@ fn worst_of_arm(numbers: &mut Numbers, belief: &ElasticArm, at_rest: bool, softn
     };
     let mut worst: f64 = 0.0;
     let own = (0..belief.tools.len()).map(|target| (target, None));
-    let others = belief.tools.iter().flat_map(|hook| {
+    let others = belief.tools.iter().enumerate().flat_map(|(place, hook)| {
         let targets = belief.tools.iter().enumerate();
         let inside =
             targets.filter(move |(_, tool)| tool.joints <= hook.joints && tool.name != hook.name);
-        inside.map(move |(target, _)| (target, Some(Arc::new(hook.clone()))))
+        inside.map(move |(target, _)| (target, Some(Hook::Tool(place))))
     });
     for (target, hangs_on) in own.chain(others) {
         let setup = Setup {

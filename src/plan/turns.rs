@@ -1,7 +1,5 @@
 //! Which turn of a joint is commanded where its range allows several.
 
-use std::f64::consts::TAU;
-
 use super::Plan;
 use crate::task::Task;
 
@@ -13,21 +11,12 @@ pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan
     for experiment in &mut plan.experiments {
         let q = &mut experiment.configuration_rad;
         for (joint, own) in joints.iter().enumerate() {
-            if own.drive.slides {
-                continue;
-            }
-            let angle = q[joint];
-            let [low, high] = task.region.joint_range_rad[joint];
+            let range = task.region.joint_range_rad[joint];
             let home = home_rad.map_or(0.0, |home| home[joint]);
-            let mut turned = angle - TAU * ((angle - home) / TAU).round();
-            while turned < low {
-                turned += TAU;
-            }
-            while turned > high {
-                turned -= TAU;
-            }
+            let (angle, turned) = (q[joint], own.turned_into(range, q[joint], home));
+            let is_allowed = (range[0]..=range[1]).contains(&turned);
             // Rounding is no reason to turn.
-            if turned >= low && (turned - home).abs() < (angle - home).abs() - 1e-9 {
+            if is_allowed && (turned - home).abs() < (angle - home).abs() - 1e-9 {
                 q[joint] = turned;
             }
         }
@@ -36,6 +25,8 @@ pub fn take_nearest_turns(task: &Task, home_rad: Option<&[f64]>, plan: &mut Plan
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use nalgebra::DVector;
 
     use super::*;

@@ -256,14 +256,13 @@ impl StudyPlanMessage {
 
     /// The same with the verdict on a prediction of the instrument's noise alone, where it is exceeded. A few runs' own scatter
     /// does not tell that.
-    pub fn judged_by_noise(mut self) -> Self {
+    pub fn judged_by_noise(mut self, failed_share: f64) -> Self {
         let numbers = (self.rms_mm.zip(self.rms_std_mm)).zip(self.predicted_rms_mm.zip(self.z));
         if let Some(((value, standard_error), (predicted_mm, z))) = numbers {
             let observed_mm = Measured {
                 value,
                 standard_error,
             };
-            let failed_share = self.failed as f64 / (self.runs + self.failed) as f64;
             let is_exceeded = Kept::of(predicted_mm, observed_mm, failed_share) == Kept::Exceeded;
             self.verdict = (is_exceeded && z > STANDARD_ERRORS).then(|| {
                 format!(

@@ -66,16 +66,18 @@ impl WrittenTables {
         self.comments += &format!("# No table of {name}: its estimate is zero{limit}.\n");
     }
 
-    /// The TOML; none without tables.
-    fn text(mut self) -> Result<Option<String>, toml::ser::Error> {
+    /// The TOML; comments alone without tables.
+    fn text(mut self) -> Result<String, toml::ser::Error> {
         if self.uncertainty.is_empty() {
-            return Ok(None);
+            let nothing =
+                "# None: the readings show nothing beyond their own standard deviations.\n";
+            return Ok(self.comments + nothing);
         }
         if !self.comments.is_empty() {
             self.comments.push('\n');
         }
         let tables = toml::to_string(&BTreeMap::from([("uncertainty", self.uncertainty)]))?;
-        Ok(Some(self.comments + &tables))
+        Ok(self.comments + &tables)
     }
 }
 
@@ -86,7 +88,7 @@ fn said(ends: Option<[f64; 2]>, (factor, unit): (f64, &str)) -> Option<String> {
 }
 
 /// What an identification found of each joint's error as a function of the joint's own angle or way, of the pose's discrepancy, and of how
-/// joints return, as TOML, with intervals as comments; none where it found nothing. Joints have names, and slide or do not.
+/// joints return, as TOML, with intervals as comments. Joints have names, and slide or do not.
 ///
 /// # Errors
 /// The TOML cannot be made.
@@ -94,7 +96,7 @@ pub fn uncertainty_tables(
     found: Option<&(VarianceComponents, ComponentIntervals)>,
     repeats: Option<&RepeatComponents>,
     joints: &[Joint],
-) -> Result<Option<String>, toml::ser::Error> {
+) -> Result<String, toml::ser::Error> {
     let slides = |joint: usize| joints[joint].drive.slides;
     // A source is of joints that turn, or of joints that slide.
     let of_joints = |kind, what: &str, all: &[usize], std: f64| {

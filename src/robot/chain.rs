@@ -79,6 +79,20 @@ impl Joint {
     pub fn in_turn(&self, place: f64) -> f64 {
         nearest_turn(place, self.turn_about())
     }
+
+    /// The same angle by whole turns as near another one as can be in a range (rad), or next to the range if it has none; a slide's stays.
+    pub fn turned_into(&self, [low, high]: [f64; 2], angle: f64, near: f64) -> f64 {
+        if self.drive.slides {
+            return angle;
+        }
+        let nearest = angle + TAU * ((near - angle) / TAU).round();
+        let above = nearest + TAU * ((low - nearest) / TAU).ceil().max(0.0);
+        let below = nearest - TAU * ((nearest - high) / TAU).ceil().max(0.0);
+        let beyond = |angle: f64| (low - angle).max(angle - high).max(0.0);
+        let turns = [nearest, above, above - TAU, below, below + TAU];
+        let best = turns.into_iter();
+        (best.min_by(|one, other| beyond(*one).total_cmp(&beyond(*other)))).unwrap_or(nearest)
+    }
 }
 
 /// An angle (rad) on the turn about some middle, if there is one, from half a turn below it.

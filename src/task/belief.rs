@@ -9,7 +9,8 @@ use super::{Extended, Gauge, PriorCampaign, Station, station_named};
 use crate::numeric::quantisation::shared_rounding;
 use crate::observation::{BareArm, DeflectionPrecision, LengthKind};
 use crate::parameter::{
-    ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, Unloaded,
+    ElasticArm, ErrorDistribution, ParameterError, ParameterSet, Prior, ReadingSource, SourceLevel,
+    Unloaded,
 };
 use crate::robot::{Commands, EquilibriumSolver, Load, ReadsAlong, Robot, Tool};
 
@@ -227,6 +228,15 @@ impl Belief {
             Some(solver.state().tool_position)
         };
         Some([place(&Load::NONE)?, place(load)?])
+    }
+
+    /// Whether each repeat of a deflection is a visit by itself: something is new at each.
+    pub fn repeats_are_visits(&self) -> bool {
+        let mut sources = self.uncertain.sources().map(|(_, source)| source);
+        sources.any(|source| {
+            let is_of_gauge = matches!(source, ReadingSource::GaugeDirection(_));
+            source.level() == SourceLevel::Visit && !is_of_gauge
+        })
     }
 
     /// Whether what errs by a tracker's range counts there: not where lengths are read beside one.

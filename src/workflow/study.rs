@@ -89,15 +89,16 @@ pub fn entries<'a>(
             }
             let kind = match setting.task.design.accuracy {
                 AccuracyKind::Relative => {
-                    // Sigma changes no plan.
+                    let sigma_m = setting.conditions.sigma_m;
                     let known = entries.iter().find(|entry| {
                         let conditions = &settings[entry.setting].conditions;
-                        let sigma_m = setting.conditions.sigma_m;
+                        let alike = Conditions {
+                            sigma_m,
+                            ..*conditions
+                        };
                         entry.name == plan.name
-                            && Conditions {
-                                sigma_m,
-                                ..*conditions
-                            } == setting.conditions
+                            && alike == setting.conditions
+                            && !follows_sigma(&plan.source, &setting.task)
                     });
                     match known {
                         Some(entry) => entry.kind.clone(),
@@ -122,6 +123,17 @@ pub fn entries<'a>(
         }
     }
     Ok(entries)
+}
+
+/// Whether a plan depends on how large the instrument's noise is: it is designed, and something else counts beside it.
+fn follows_sigma(source: &StudySource, task: &Task) -> bool {
+    let belief = &task.belief;
+    match source {
+        StudySource::Optimal { noise_only, .. } => {
+            belief.prior.is_some() || !(*noise_only || belief.uncertain.is_plain())
+        }
+        _ => false,
+    }
 }
 
 /// Reads, designs or draws a plan of absolute readings, and repeats it as a whole.
@@ -280,7 +292,7 @@ pub fn plan_messages(header: &Header, tallies: &[Tally]) -> Vec<StudyPlanMessage
         // Where every run has a plan of its own there is no account of what else is uncertain.
         let has_account = header.plans.iter().any(|each| each.account.is_some());
         if plan.account.is_none() && (plan.sha256.is_some() || !has_account) {
-            message = message.judged_by_noise();
+            message = message.judged_by_noise(tally.failed_share());
         }
         if header.absolute.is_some() {
             // What is left at several test poses is one robot's: its squares are not independent.

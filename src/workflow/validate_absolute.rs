@@ -192,6 +192,7 @@ pub fn validate_absolute(
     readings: &[AbsoluteReading],
 ) -> Result<AbsoluteValidation, FileError> {
     let mut case = AbsoluteCase::placed(belief, readings).map_err(in_file(file))?;
+    case.hang_where_found();
     let may_repeat = case.may_repeat();
     let mut nominal = case.arm.clone();
     case.arm = stored.apply(&case.arm)?;

@@ -39,7 +39,7 @@ name = "wall"
 position_mm = [-2500, -2000, 1500]
 "#;
 
-/// Poses of the robot, each read under the load, every third without.
+/// Poses of the robot, of the reflector each read under the load, every third without.
 const POSES: [[f64; 6]; 30] = [
     [-29.0, -74.0, 114.0, 169.0, -105.0, 3.0],
     [-76.0, -43.0, 50.0, -16.0, -32.0, -11.0],
@@ -118,7 +118,8 @@ fn plan(poses: &[[f64; 6]], read: Option<[&str; 2]>) -> String {
         "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats{columns}\n"
     );
     for (index, pose) in poses.iter().enumerate() {
-        let is_loaded = read.is_none() || index % 3 != 2;
+        // Where loads hang, the reflector's readings say; the spindle's are of the bare robot.
+        let is_loaded = read.is_none_or(|[target, _]| target == "reflector" && index % 3 != 2);
         let force = if is_loaded { -98 } else { 0 };
         let angles = pose.map(|angle| angle.to_string()).join(",");
         let read = read.map_or_else(String::new, |read| format!(",{}", read.join(",")));
@@ -148,7 +149,16 @@ fn both(place: &Workplace, files: [&str; 2]) -> String {
     let [one, other] = files.map(|file| place.read(file));
     let rows = |text: &str| -> Vec<String> {
         let rows = text.lines().filter(|line| !line.starts_with('#'));
-        rows.map(str::to_owned).collect()
+        let is_loaded = text.contains("fx_n");
+        // Loads stand behind the six angles; a table without any has no columns for them.
+        let with_loads = |row: &str| {
+            let (angles, others) = row.split_at(row.match_indices(',').nth(5).expect("six").0);
+            let header = "fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
+            let loads = [header, "0,0,0,0,0,0"][usize::from(!row.starts_with('q'))];
+            format!("{angles},{loads}{others}")
+        };
+        let row = |row: &str| [with_loads(row), row.to_owned()][usize::from(is_loaded)].clone();
+        rows.map(row).collect()
     };
     let all: Vec<String> = (rows(&one).into_iter())
         .chain(rows(&other).into_iter().skip(1))

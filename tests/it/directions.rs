@@ -46,6 +46,28 @@ fn squares_along_axes_add_up() {
     }
 }
 
+/// A file of test poses has no directions: it does not take the place of poses that have one in silence.
+#[test]
+fn files_of_test_poses_drop_no_direction() {
+    let place = Workplace::new();
+    place.write(
+        "path.csv",
+        "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-90,90,0,30,0\n",
+    );
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    for (direction, code) in [("", 3), ("direction = [0, 0, 1]", 1)] {
+        place.write("s.toml", along(direction));
+        let plan = plan.display();
+        let of = format!("evaluate s.toml --plan {plan} --test-poses path.csv --no-proof --quiet");
+        let said = place.run(&of).ends_with(code).stderr;
+        assert_eq!(
+            said.contains("path.csv: found no directions"),
+            code == 1,
+            "{said}"
+        );
+    }
+}
+
 /// Test poses that count three to one: three quarters of the square of one alone, and a quarter of that of the other.
 #[test]
 fn squares_at_test_poses_are_weighed() {

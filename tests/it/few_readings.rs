@@ -467,7 +467,7 @@ fn what_a_slide_errs_by_becomes_an_error_source() {
     };
     let joints = &case.arm.chain.joints;
     let tables = uncertainty_tables(components.as_ref(), Some(&repeats), joints);
-    let tables = tables.expect("TOML").expect("tables");
+    let tables = tables.expect("TOML");
     let zero =
         "No table of shoulder repeatability: its estimate is zero, its upper limit 0.1697 mrad";
     assert!(tables.contains(zero), "{tables}");

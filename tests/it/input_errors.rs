@@ -74,8 +74,8 @@ fn input_errors_are_named() {
                 "Write x_mm = x_mm, y_mm = y_mm, z_mm = -z_mm",
                 &|_, each| each.position_m.z *= -1.0,
             ),
-            ("moved near reading 41", &|index, each| {
-                if index >= 40 {
+            ("moved before reading 44", &|index, each| {
+                if index >= 43 {
                     each.position_m += Vector3::new(0.4, -0.3, 0.2);
                 }
             }),
@@ -88,6 +88,31 @@ fn input_errors_are_named() {
             let found = named(belief, &wrong).unwrap_or_default();
             assert!(found.contains(words), "{robot}, {words}: {found:?}");
         }
+    }
+}
+
+/// An instrument that was moved near either end of a table leaves outliers there: these are told to be all before or after some reading.
+#[test]
+fn outliers_at_one_end_are_told() {
+    let scenario = scenario("ur10");
+    let belief = &scenario.task.belief;
+    let table = right(&scenario, 4, 120);
+    for (moved, says) in [
+        (0..20, "before reading 21"),
+        (105..120, "from reading 106 on"),
+    ] {
+        let mut wrong = table.clone();
+        for each in &mut wrong[moved] {
+            each.position_m += Vector3::new(0.4, -0.3, 0.2);
+        }
+        let conditions = fitted(belief, &wrong).conditions();
+        let outliers = |each: &&elastocal::codes::Condition| each.code == ConditionCode::Outliers;
+        let said = conditions.iter().find(outliers).map(|each| &*each.text);
+        let said = said.unwrap_or_default();
+        assert!(
+            said.contains(&format!("all {says}: was an instrument")),
+            "{says}: {said}"
+        );
     }
 }
 

@@ -13,7 +13,7 @@ use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};
 use elastocal::task::Method;
 use serde_json::{Value, json};
 
-use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
+use crate::support::{Workplace, number, numbers, scenario, scenario_text, table4};
 
 /// The paper's plans, repeated to so many measurements.
 fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry<'static>> {
@@ -514,6 +514,29 @@ fn a_sweep_is_many_studies() {
         "{text:#?}"
     );
     assert!(text.stdout.contains("load scale"), "{text:#?}");
+}
+
+/// Where errors besides the noise count, a plan is designed for each sigma, in whatever order these are listed.
+#[test]
+fn plans_of_a_sweep_are_designed_for_each_sigma() {
+    let workplace = Workplace::new();
+    let best = "[study]\ntrials = 100\nexperiments = 4\n[[study.plan]]\nname = \"best\"\nkind = \"optimal\"\n";
+    let returns = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n";
+    let predicted = |list: &str| {
+        let sweep = format!("[study.sweep]\nsigma_mm = [{list}]\n");
+        workplace.write("s.toml", with_study(best) + &sweep + returns);
+        let json = workplace.json("study s.toml");
+        let plans = json["plans"].as_array().expect("an array").iter();
+        let mut all: Vec<[f64; 2]> = plans
+            .map(|each| ["sigma_mm", "combined_rms_mm"].map(|key| number(&each[key])))
+            .collect();
+        all.sort_by(|one, other| one[0].total_cmp(&other[0]));
+        all
+    };
+    let both = predicted("0.01, 0.2");
+    let alone = ["0.01", "0.2"].map(|sigma| predicted(sigma)[0]);
+    assert_eq!([both[0], both[1]], alone);
+    assert_eq!(predicted("0.2, 0.01"), both);
 }
 
 /// What is replaced, by what, what the error says.

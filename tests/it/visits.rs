@@ -232,6 +232,65 @@ fn drift_is_told_by_visits_and_not_by_readings() {
     assert!(low <= 5, "{low}");
 }
 
+/// Where no error source is listed and noise explains what was identified, others' probability is that of noise; of another robot it
+/// breaks the prediction.
+#[test]
+fn noise_alone_has_a_probability() {
+    let text = absolute_scenario_text("ur10");
+    let hidden = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 0.5\nhidden = true\n";
+    let place = Workplace::new();
+    place.write("s.toml", &*text);
+    place.write("other.toml", text.clone() + hidden);
+    let plan = table(&rows(&load(&text), 30, &["spindle"], &[false]));
+    place.write("p.csv", plan);
+    for (scenario, series) in [("s", 0), ("s", 1), ("other", 2)] {
+        let to = format!("--series {series} --measurements-out m{series}.csv --quiet");
+        place
+            .run(&format!("measure {scenario}.toml --plan p.csv {to}"))
+            .ends_with(0);
+    }
+    let identify = "--measurements m0.csv --parameters frames --identified-out i.json --quiet";
+    place.run(&format!("identify s.toml {identify}"));
+    let probability = |series: u32| {
+        let validate = "validate s.toml --identified i.json --json --quiet --measurements";
+        let json = place.run(&format!("{validate} m{series}.csv")).json();
+        let conditions = json["conditions"].as_array().expect("a list");
+        let is_broken = conditions.iter().any(|each| each["code"] == "C0301");
+        (number(&json["probability"]), is_broken)
+    };
+    let (same, is_broken) = probability(1);
+    assert!(same > 1e-3 && !is_broken, "{same}");
+    let (other, is_broken) = probability(2);
+    assert!(other < 1e-10 && is_broken, "{other}");
+}
+
+/// Three targets of one visit tell once where the station is: where nobody moves it, of 30 files more than 6 have a p below 0.05 with a
+/// probability below 1e-3.
+#[test]
+fn stations_are_moved_by_visits_and_not_by_readings() {
+    let text = absolute_scenario_text("ur10")
+        + TWIN
+        + "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.2\n";
+    let place = Workplace::new();
+    place.write("s.toml", &*text);
+    let targets = ["reflector", "spindle", "twin"];
+    place.write("p.csv", table(&rows(&load(&text), 16, &targets, &[false])));
+    let mut low = 0;
+    for seed in 1..=30 {
+        for series in 0..2 {
+            let measure = "measure s.toml --plan p.csv --quiet --seed";
+            let to = format!("--series {series} --measurements-out m{series}.csv");
+            place.run(&format!("{measure} {seed} {to}")).ends_with(0);
+        }
+        let identify = "--measurements m0.csv --parameters frames --identified-out i.json --quiet";
+        place.run(&format!("identify s.toml {identify}"));
+        let validate = "validate s.toml --identified i.json --measurements m1.csv --json --quiet";
+        let stations = &place.run(validate).json()["stations_moved"];
+        low += usize::from(number(&stations[0]["probability"]) < 0.05);
+    }
+    assert!(low <= 6, "{low}");
+}
+
 /// Where the robot comes back badly and the instrument reads well, a second target at the same place adds nothing; a second visit does.
 #[test]
 fn a_second_target_at_one_place_adds_nothing() {

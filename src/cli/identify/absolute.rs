@@ -120,8 +120,6 @@ fn write_uncertainties(
     let joints = &identified.case.arm.chain.joints;
     let tables = uncertainty_tables(components.as_ref(), repeats, joints)
         .map_err(|error| FileError::new(path, error.to_string()))?;
-    let nothing = "# None: the readings show nothing beyond their own standard deviations.\n";
-    let tables = tables.unwrap_or_else(|| nothing.to_owned());
     let text = format!("# Variance components of {}.\n\n{tables}", file.display());
     write_whole(path, text.as_bytes())
 }

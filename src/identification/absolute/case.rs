@@ -12,7 +12,7 @@ use super::IdentificationError;
 use super::visits::{loads_of_visits, visit_classes, visits};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
-    BareArm, LengthKind, Observation, ObservationModel, Reading, ReadingErrors, Setup,
+    BareArm, Hook, LengthKind, Observation, ObservationModel, Reading, ReadingErrors, Setup,
     SharedErrors, Whitener,
 };
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
@@ -75,6 +75,7 @@ impl<'a> AbsoluteCase<'a> {
         readings: &[AbsoluteReading],
     ) -> Result<Self, IdentificationError> {
         let mut case = Self::placed(belief, readings)?;
+        case.hang_where_found();
         let positions = case.positions();
         if positions.is_empty() {
             // Places of lengths are known well enough to begin with.
@@ -100,7 +101,7 @@ impl<'a> AbsoluteCase<'a> {
         Ok(case)
     }
 
-    /// The same with stations where the robot's own world is, and targets where the model has them.
+    /// The same with stations where the robot's own world is, and targets and what loads hang on where the model has them.
     ///
     /// # Errors
     /// As [`new`](Self::new), but for units.
@@ -142,7 +143,7 @@ impl<'a> AbsoluteCase<'a> {
                     target,
                 });
             }
-            let hangs_on = (tool.name != hook.name).then(|| Arc::clone(&hook));
+            let hangs_on = (tool.name != hook.name).then(|| Hook::Unread(Arc::clone(&hook)));
             let covariance = case.covariance(reading)?;
             case.check_kind(index, reading)?;
             case.covariances.push(covariance);
@@ -171,6 +172,16 @@ impl<'a> AbsoluteCase<'a> {
         let frames = (0..case.stations.len()).map(|station| case.placed_frame(station));
         case.arm.instrument_from_base = frames.collect();
         Ok(case)
+    }
+
+    /// Hangs loads on the calibration tool where its own readings find it, if there are any: in place of where the model has it.
+    pub fn hang_where_found(&mut self) {
+        let calibration = &self.belief.calibration_tool.name;
+        if let Some(place) = self.targets.iter().position(|name| name == calibration) {
+            for Observation { setup, .. } in &mut self.observations {
+                setup.hangs_on = setup.hangs_on.take().map(|_| Hook::Tool(place));
+            }
+        }
     }
 
     /// The same where readings, weighed by their own covariances, share errors besides.

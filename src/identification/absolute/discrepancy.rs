@@ -1,10 +1,10 @@
 //! The model discrepancy of absolute readings: by how much residuals exceed the readings' covariances, what of that one visit
 //! shares, and fits that weigh readings by it.
 
-use nalgebra::{Matrix6xX, Vector3, Vector6};
+use nalgebra::{DVector, Matrix6xX, Vector3, Vector6};
 
 use super::super::discrepancy::{WEIGHINGS, discrepancy_of};
-use super::super::fit::{FittedReadings, Haste, ParameterFit, fit_parameters};
+use super::super::fit::{FittedReadings, Haste, LinearReadings, ParameterFit, fit_parameters};
 use super::case::whitener;
 use super::visits::LEAST_VISITS;
 use super::{AbsoluteCase, FitResult, ReadingResidual};
@@ -16,6 +16,12 @@ use crate::parameter::{ElasticArm, ParameterSet};
 const LEAST_DISCREPANCY: f64 = 1e-9;
 /// Weights that change by no larger share are the same.
 const SETTLED: f64 = 1e-6;
+
+/// Whether weights have ceased to change.
+fn is_settled(next: [f64; 2], last: [f64; 2]) -> bool {
+    let mut pairs = next.iter().zip(last);
+    pairs.all(|(next, last)| (next - last).abs() <= SETTLED * next)
+}
 
 impl AbsoluteCase<'_> {
     /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
@@ -78,13 +84,38 @@ impl AbsoluteCase<'_> {
         self.fitted_readings(set).fit_from(&start, Haste::Near)
     }
 
+    /// The same where no more than weights follow from it.
+    pub(super) fn fit_for_weights(
+        &self,
+        set: &ParameterSet,
+        values: &[f64],
+    ) -> FitResult<ParameterFit> {
+        let start = values.to_vec().into();
+        self.fitted_readings(set).fit_from(&start, Haste::Weights)
+    }
+
     pub(super) fn fitted_readings<'a>(&'a self, set: &'a ParameterSet) -> FittedReadings<'a> {
         FittedReadings {
             nominal: &self.arm,
             set,
             observations: &self.observations,
             shared: self.shared.as_ref(),
+            linear: None,
         }
+    }
+
+    /// What is left of the readings at values (p), by what is known of them to first order.
+    pub(super) fn left_by(
+        &self,
+        linear: &LinearReadings,
+        values: &DVector<f64>,
+    ) -> Vec<ReadingResidual> {
+        let left = self.observations.iter().enumerate().map(|(place, each)| {
+            let rows = linear.observations.residual(place, values);
+            let rows = &rows.as_slice()[..each.reading.kind().rows()];
+            ReadingResidual::of_rows(&DVector::from_column_slice(rows))
+        });
+        left.collect()
     }
 
     /// A fit that weighs readings by what the model leaves, too; the first weight comes from another fit, or from the frames alone
@@ -92,30 +123,59 @@ impl AbsoluteCase<'_> {
     pub(super) fn with_discrepancy(
         &mut self,
         set: &ParameterSet,
-        other: Option<ParameterFit>,
+        other: Option<&ParameterFit>,
     ) -> FitResult<(ParameterFit, Option<[f64; 2]>)> {
         let (mut found, mut values) = if let Some(fit) = other {
-            (self.estimated_discrepancy(&fit)?, self.rebased(&fit))
+            (self.estimated_discrepancy(fit)?, self.rebased(fit))
         } else {
             let fit = self.fit_of_frames()?;
             let found = self.estimated_discrepancy(&fit)?;
             self.rebased(&fit);
             (found, set.prior().mean.clone())
         };
+        let mut is_near = other.is_some();
         for _ in 0..WEIGHINGS {
-            self.weigh(found);
-            let fit = (self.fitted_readings(set)).fit_from(&values, Haste::Weights)?;
-            let next = self.estimated_discrepancy(&fit)?;
-            values = self.rebased(&fit);
-            let is_settled =
-                (next.iter().zip(found)).all(|(next, last)| (next - last).abs() <= SETTLED * next);
-            found = next;
-            if is_settled {
-                break;
+            if is_near {
+                found = self.settled_discrepancy(set, &mut values, found)?;
             }
+            self.weigh(found);
+            let fit = self.fit_near(set, values.as_slice())?;
+            let next = self.estimated_discrepancy(&fit)?;
+            if is_settled(next, found) {
+                return Ok((fit, Some(found)));
+            }
+            (found, is_near, values) = (next, true, self.rebased(&fit));
         }
         self.weigh(found);
         Ok((self.fit_near(set, values.as_slice())?, Some(found)))
+    }
+
+    /// The discrepancy that agrees with the residuals of a fit weighed by it, to first order about values (p), which become those of the
+    /// fit.
+    fn settled_discrepancy(
+        &mut self,
+        set: &ParameterSet,
+        values: &mut DVector<f64>,
+        mut found: [f64; 2],
+    ) -> FitResult<[f64; 2]> {
+        let linear = self.fitted_readings(set).linear_at(values)?;
+        for _ in 0..WEIGHINGS {
+            self.weigh(found);
+            let readings = FittedReadings {
+                linear: Some(&linear),
+                ..self.fitted_readings(set)
+            };
+            let fit = readings.fit_from(values, Haste::Weights)?;
+            *values = DVector::from_column_slice(&fit.posterior.mean);
+            let left = self.left_by(&linear, values);
+            self.within = self.within_visits(&left, fit.spare());
+            let next = self.discrepancy_of(&left, &fit);
+            let last = std::mem::replace(&mut found, next);
+            if is_settled(next, last) {
+                break;
+            }
+        }
+        Ok(found)
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.

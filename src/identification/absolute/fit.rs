@@ -320,7 +320,7 @@ impl<'a> AbsoluteCase<'a> {
                 let values = case.rebased(&fit);
                 (case.fit_near(set, values.as_slice())?, None)
             }
-            (None, other) => case.with_discrepancy(set, other)?,
+            (None, other) => case.with_discrepancy(set, other.as_ref())?,
         };
         Ok(KeptFit {
             case,
@@ -379,7 +379,8 @@ impl<'a> AbsoluteCase<'a> {
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected, before| {
-                let found = (self.fit_without(rejected, set, weights, before)).ok()?;
+                let near = before.or(Some(first));
+                let found = (self.fit_without(rejected, set, weights, near)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;

@@ -1,17 +1,17 @@
 //! Outliers among absolute readings.
 
-use nalgebra::Matrix6;
+use nalgebra::{DVector, Matrix6};
 
 use super::super::discrepancy::{discrepancy_covariance, six_rows};
-use super::super::fit::{FittedReadings, Haste, ParameterFit};
+use super::super::fit::{FittedReadings, Haste, LinearReadings, ParameterFit};
 use super::super::outliers::LookedOver;
 use super::AbsoluteCase;
 use super::case::whitener;
 use super::fit::KeptFit;
 use crate::numeric::tolerance::median;
 
-/// Reweighted fits of a robust one.
-const ROBUST_ROUNDS: usize = 8;
+/// Reweighted fits of a robust one, of either kind of weights.
+const ROBUST_ROUNDS: usize = 4;
 /// Where a fit uses up less of its readings than this share, no single one draws it to itself.
 const LITTLE: f64 = 0.1;
 
@@ -22,32 +22,19 @@ impl AbsoluteCase<'_> {
         if is_pulled(first) {
             return None;
         }
-        let mut case = self.clone();
-        let mut fit = first.clone();
-        for round in 0..ROBUST_ROUNDS {
-            let left = case.left(&fit.belief).ok()?;
-            let positions = left.iter().map(|each| each.position_m.norm());
-            let rotations = left.iter().filter_map(|each| each.rotation_rad);
-            let scales_m_rad = [
-                median(positions.collect())?,
-                median(rotations.map(|each| each.norm()).collect()).unwrap_or_default(),
-            ];
-            let values = case.rebased(&fit);
-            for (place, each) in left.iter().enumerate() {
-                let lengths = [
-                    each.position_m.norm(),
-                    each.rotation_rad.map_or(0.0, |each| each.norm()),
-                ];
-                let mut covariance = case.covariances[place];
-                for row in 0..6 {
-                    let (scale, length) = (scales_m_rad[row / 3], lengths[row / 3]);
-                    covariance[(row, row)] += if round < ROBUST_ROUNDS / 2 {
-                        scale * length.max(scale)
-                    } else {
-                        scale * scale + length * length / 4.0
-                    };
-                }
-                case.observations[place].whitener = whitener(&covariance);
+        let (mut case, mut fit) = (self.clone(), first.clone());
+        for is_huber in [true, false] {
+            let mut values = case.rebased(&fit);
+            let linear = case.fitted_readings(&first.set).linear_at(&values).ok()?;
+            for _ in 0..ROBUST_ROUNDS {
+                case.weigh_robustly(&linear, &values, is_huber)?;
+                let readings = FittedReadings {
+                    shared: None,
+                    linear: Some(&linear),
+                    ..case.fitted_readings(&first.set)
+                };
+                let found = readings.fit_from(&values, Haste::Weights).ok()?;
+                values = DVector::from_column_slice(&found.posterior.mean);
             }
             let readings = FittedReadings {
                 shared: None,
@@ -56,6 +43,40 @@ impl AbsoluteCase<'_> {
             fit = readings.fit_from(&values, Haste::Weights).ok()?;
         }
         Some(fit)
+    }
+
+    /// Weighs readings by how far they are off at values (p), in medians of that: after Huber, or after Cauchy.
+    fn weigh_robustly(
+        &mut self,
+        linear: &LinearReadings,
+        values: &DVector<f64>,
+        is_huber: bool,
+    ) -> Option<()> {
+        let left = self.left_by(linear, values);
+        let lengths = left.iter().map(|each| {
+            let rotation = each.rotation_rad.map_or(0.0, |each| each.norm());
+            [each.position_m.norm(), rotation]
+        });
+        let lengths: Vec<[f64; 2]> = lengths.collect();
+        let each = lengths.iter().zip(&left);
+        let of_rotations = each.filter(|(_, each)| each.rotation_rad.is_some());
+        let scales_m_rad = [
+            median(lengths.iter().map(|each| each[0]).collect())?,
+            median(of_rotations.map(|(each, _)| each[1]).collect()).unwrap_or_default(),
+        ];
+        for (place, lengths) in lengths.iter().enumerate() {
+            let mut covariance = self.covariances[place];
+            for row in 0..6 {
+                let (scale, length) = (scales_m_rad[row / 3], lengths[row / 3]);
+                covariance[(row, row)] += if is_huber {
+                    scale * length.max(scale)
+                } else {
+                    scale * scale + length * length / 4.0
+                };
+            }
+            self.observations[place].whitener = whitener(&covariance);
+        }
+        Some(())
     }
 
     /// What a fit to all readings but those that were rejected, or another one of these that is robust, says of all.

@@ -1,12 +1,13 @@
 //! Readings that were not fitted beside what a fit predicts for them.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::discrepancy::three_rows;
 use super::joint_errors::LocalRows;
 use super::residuals::LinearReading;
 use super::{AbsoluteCase, DiscrepancyModel, FitResult, ReadingPrognosis};
+use crate::observation::SharingReadings;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
@@ -82,8 +83,8 @@ impl AbsoluteCase<'_> {
     }
 
     /// The probability of differences from the prediction that are as large, with the covariance of identification and readings: where the
-    /// planner's model says what readings share, as it does of distances, and no joint has an error of its own. All as in
-    /// [`prognoses`](Self::prognoses).
+    /// planner's model says what readings share, as it does of distances, or noise alone explains the identification, and no joint has an
+    /// error of its own. All as in [`prognoses`](Self::prognoses).
     ///
     /// # Errors
     /// The arm has no equilibrium for a reading.
@@ -95,7 +96,10 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
     ) -> FitResult<Option<f64>> {
-        if !self.is_sharing_known || !discrepancy.joints.is_empty() {
+        let is_noise_alone = self.belief.uncertain.sources().next().is_none()
+            && discrepancy.rest.iter().all(|rest| *rest <= 0.0);
+        let is_known = self.is_sharing_known || is_noise_alone;
+        if !is_known || !discrepancy.joints.is_empty() {
             return Ok(None);
         }
         let more = anew.parameters().iter().map(|each| each.kind);
@@ -156,24 +160,46 @@ impl AbsoluteCase<'_> {
         let mut information = DMatrix::zeros(own + size, own + size);
         let mut gradient = DVector::zeros(own + size);
         let (mut read, mut average) = (Vec::new(), 0.0);
-        let all = rows.iter().zip(&frames).zip(&self.observations);
-        for ((rows, frame), each) in all.filter(|(_, each)| each.setup.station == station) {
-            let q = each.setup.commanded_rad.as_slice();
-            if !discrepancy.reaches(q) {
-                continue;
-            }
-            let local = discrepancy.local(rows, places, q);
-            let new = three_rows(&local.new.diagonal(), 0).sum() / local.left.len().min(3) as f64;
-            let Some(factor) = Cholesky::new(local.new) else {
+        for mut group in self.errors_together(discrepancy, &rows) {
+            let commanded = |place: usize| &self.observations[place].setup;
+            let counts = |&(place, _): &(usize, _)| {
+                let setup = commanded(place);
+                setup.station == station && discrepancy.reaches(setup.commanded_rad.as_slice())
+            };
+            group.retain(counts);
+            let local = group.iter().map(|&(place, _)| {
+                let q = commanded(place).commanded_rad.as_slice();
+                discrepancy.local(&rows[place], places, q)
+            });
+            let local: Vec<LocalRows> = local.collect();
+            let Some(factor) = Cholesky::new(new_together(&local, &group)) else {
                 continue;
             };
-            read.push(frame);
-            average += new;
-            let index = (0..own).chain(local.index.iter().map(|place| own + place));
-            let mut matrix = local.matrix.insert_columns(0, own, 0.0);
-            matrix.columns_mut(0, own).copy_from(&frame.columns);
+            // The frame's own parameters, then those known ones that move any.
+            let mut index: Vec<usize> =
+                (local.iter().flat_map(|each| each.index.clone())).collect();
+            index.sort_unstable();
+            index.dedup();
+            let mut matrix = DMatrix::zeros(factor.l_dirty().nrows(), own + index.len());
+            let mut left = DVector::zeros(matrix.nrows());
+            let mut row = 0;
+            for (local, &(place, _)) in local.iter().zip(&group) {
+                let (frame, count) = (&frames[place], local.left.len());
+                read.push(frame);
+                average += three_rows(&local.new.diagonal(), 0).sum() / count.min(3) as f64;
+                left.rows_mut(row, count).copy_from(&local.left);
+                let mut here = matrix.rows_mut(row, count);
+                here.columns_mut(0, own).copy_from(&frame.columns);
+                for (column, known) in local.matrix.column_iter().zip(&local.index) {
+                    let at = index.binary_search(known).unwrap_or_default();
+                    let mut sum = here.column_mut(own + at);
+                    sum += column;
+                }
+                row += count;
+            }
             let weighed = factor.solve(&matrix);
-            let (among, pull) = (weighed.tr_mul(&matrix), weighed.tr_mul(&local.left));
+            let (among, pull) = (weighed.tr_mul(&matrix), weighed.tr_mul(&left));
+            let index = (0..own).chain(index.into_iter().map(|place| own + place));
             for (row, to) in index.clone().enumerate() {
                 gradient[to] += pull[row];
                 for (column, from) in index.clone().enumerate() {
@@ -212,6 +238,64 @@ impl AbsoluteCase<'_> {
             discrepancy_m: (average / of_station).sqrt(),
         }))
     }
+
+    /// Which readings share errors, each with how one standard deviation of each effect moves it: as the planner's model says, or those of a
+    /// visit all that is new there.
+    fn errors_together(
+        &self,
+        discrepancy: &DiscrepancyModel,
+        rows: &[LinearReading],
+    ) -> Vec<Vec<(usize, DMatrix<f64>)>> {
+        if let Some(shared) = self.shared.as_ref().filter(|_| self.is_sharing_known) {
+            let group = |group: &SharingReadings| {
+                let each = group.readings.iter().zip(&group.effects);
+                let effects = |(&place, effects): (&usize, &Matrix6xX<f64>)| {
+                    let count = rows[place].residual.len();
+                    (place, effects.rows(0, count).into_owned())
+                };
+                each.map(effects).collect()
+            };
+            return shared.groups.iter().map(group).collect();
+        }
+        let of_reading = |&place: &usize| {
+            let (joints, count) = (&rows[place].joints, rows[place].residual.len());
+            let mut effects = DMatrix::zeros(count, 6 + joints.ncols());
+            for row in 0..count {
+                effects[(row, row)] = discrepancy.rest[row / 3];
+            }
+            for (number, joint) in discrepancy.joints.iter().enumerate() {
+                let moved = joints.column(number) * joint.repeatability;
+                effects.set_column(6 + number, &moved);
+            }
+            (place, effects)
+        };
+        let visits = self.visits.iter();
+        visits
+            .map(|visit| visit.iter().map(of_reading).collect())
+            .collect()
+    }
+}
+
+/// The covariance of what is new at readings that share errors, one below the other: each has its own part of these in its own.
+fn new_together(local: &[LocalRows], group: &[(usize, DMatrix<f64>)]) -> DMatrix<f64> {
+    let size = local.iter().map(|local| local.left.len()).sum();
+    let mut all = DMatrix::zeros(size, size);
+    let mut row = 0;
+    for (one, (local_one, (_, effects))) in local.iter().zip(group).enumerate() {
+        let mut column = 0;
+        for (other, (local_other, (_, others))) in local.iter().zip(group).enumerate() {
+            let counts = (local_one.left.len(), local_other.left.len());
+            let block = if one == other {
+                local_one.new.clone()
+            } else {
+                effects * others.transpose()
+            };
+            all.view_mut((row, column), counts).copy_from(&block);
+            column += counts.1;
+        }
+        row += local_one.left.len();
+    }
+    all
 }
 
 /// Takes the frames that suit them best out of what readings leave, r, and out of its covariance V = B C B^T + N, with what is known C, and

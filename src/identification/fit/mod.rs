@@ -6,5 +6,5 @@ mod readings;
 
 pub(super) use deflections::{FitStart, fit_linear, fit_nonlinear};
 pub(super) use gauss_newton::FitProblem;
-pub(super) use readings::{FittedReadings, Haste, ReadingProblem};
+pub(super) use readings::{FittedReadings, Haste, LinearReadings, ReadingProblem};
 pub use readings::{ParameterFit, fit_parameters};

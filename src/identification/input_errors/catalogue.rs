@@ -453,7 +453,7 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
 
 /// The instrument was moved before this reading (from 0).
 pub(super) fn station_moved(reading: usize) -> InputError {
-    let question = format!("was the instrument moved near reading {}", reading + 1);
+    let question = format!("was the instrument moved before reading {}", reading + 1);
     let remedy = "Give the readings from there on a station of their own";
     let change = Correction::StationMoved(reading);
     InputError::new("station_moved", (question, remedy), change)

@@ -48,9 +48,14 @@ impl AbsoluteCase<'_> {
             let best = (0..errors.len())
                 .reduce(|best, next| if is_better(next, best) { next } else { best });
             let best = best.filter(|&best| left[best] <= explained_m)?;
+            let moved = match errors[best].change {
+                Correction::StationMoved(near) => Some(self.moved_from(near)),
+                _ => None,
+            };
+            let moved = moved.map(catalogue::station_moved);
             let mut words = format!(
                 "{}. Residuals of frames alone: {:.2} mm so, {:.2} mm as read (medians)",
-                errors[best].words,
+                moved.as_ref().unwrap_or(&errors[best]).words,
                 left[best] * 1e3,
                 as_it_is_m * 1e3
             );
@@ -78,6 +83,38 @@ impl AbsoluteCase<'_> {
         simple.extend((1..PARTS).map(|part| catalogue::station_moved(moved(part))));
         let words = explaining(simple).or_else(|| explaining(several))?;
         Some(condition(&words))
+    }
+
+    /// The first reading after the instrument was moved near one: by the frames of readings that are surely before and after, those in between
+    /// are of the ones or of the others.
+    fn moved_from(&self, near: usize) -> usize {
+        let (positions, mut sights) = (self.positions(), self.sights());
+        let count = positions.len();
+        let place = positions.partition_point(|&position| position < near);
+        let part = count / PARTS;
+        let [low, high] = [place.saturating_sub(part), (place + part).min(count)];
+        let stations = self.stations.len();
+        for sight in &mut sights[high..] {
+            sight.station += stations;
+        }
+        let sure = [&sights[..low], &sights[high..]].concat();
+        let frames = MountedFrames::guessed(&sure, 2 * stations, &self.link_from_tools());
+        let before = frames.left(&sights[low..high]);
+        for sight in &mut sights[low..high] {
+            sight.station += stations;
+        }
+        let after = frames.left(&sights[low..high]);
+        // By how much more each cut leaves than the first one, at the beginning.
+        let more = before.iter().zip(&after).scan(0.0, |sum, (before, after)| {
+            *sum += before - after;
+            Some(*sum)
+        });
+        let cuts = (1..).zip(more);
+        let best = cuts.fold(
+            (0, 0.0),
+            |best, cut| if cut.1 < best.1 { cut } else { best },
+        );
+        positions.get(low + best.0).copied().unwrap_or(near)
     }
 
     /// What frames alone leave of the readings, which are at these places of a table, without an error (m, a median, with rotations as

@@ -2,7 +2,6 @@
 
 use super::AbsolutePlanning;
 use crate::parameter::ParameterKind;
-use crate::robot::Load;
 
 impl AbsolutePlanning<'_> {
     /// What a prediction takes for certain although the scenario says that it is not, or although nobody reads it, in words.
@@ -28,11 +27,11 @@ impl AbsolutePlanning<'_> {
         words
     }
 
-    /// The names of the sources of where loads hang that the planner's model does not have: readings of other targets do not find the
-    /// calibration tool.
+    /// The names of the sources of where loads hang that the planner's model does not have, where no reading finds the calibration tool.
     pub fn places_of_loads(&self) -> impl Iterator<Item = &str> {
+        let is_read = (self.case.targets).contains(&self.case.belief.calibration_tool.name);
         let mut setups = self.case.observations.iter().map(|each| &each.setup);
-        let hangs = setups.any(|setup| setup.load != Load::NONE && setup.hangs_on.is_some());
+        let hangs = !is_read && setups.any(|setup| setup.hook().is_some());
         let is_place = |kind| matches!(kind, ParameterKind::ToolPosition { .. });
         self.sources_of(is_place).filter(move |_| hangs)
     }

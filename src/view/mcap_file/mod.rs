@@ -27,6 +27,8 @@ use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::messages::{ProvenanceMessage, thousandfold};
 use crate::record::recorded::{IdentifiedOnce, PlanRows, ReadOnce};
+use crate::record::run::MeasuredMessage;
+use crate::robot::Load;
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -174,7 +176,7 @@ impl<W: Write + Seek> Channels<W> {
                 let annotations = scene::annotations(recording, calibration, step, now);
                 self.draw(SCENE, now, &annotations)?;
                 self.draw(JOINTS, now, &joints(recording, &step.unloaded, now))?;
-                now += minutes(costs.reading_min * step.readings() as f64 + costs.load_change_min);
+                now += minutes(before_load(calibration, step, costs));
                 self.draw(JOINTS, now, &joints(recording, &step.loaded, now))?;
                 now = self.write_measurements(calibration, step, costs, now)?;
             }
@@ -310,6 +312,16 @@ fn json_schema<T: JsonSchema>(name: &str) -> Option<Schema> {
     schema.insert("title".to_owned(), name.into());
     let text = serde_json::to_vec(&schema).ok()?;
     Some(Schema::new(name, "jsonschema", text))
+}
+
+/// The minutes of readings without a load, which absolute ones do not have, and of hanging it where there is one.
+fn before_load(calibration: &RecordedCalibration, step: &Step, costs: &Costs) -> f64 {
+    let readings = match (&calibration.record.measured, &step.kind) {
+        (MeasuredMessage::Readings { .. }, StepKind::Experiment { .. }) => 0,
+        _ => step.readings(),
+    };
+    let hung = [costs.load_change_min, 0.0][usize::from(step.load == Load::NONE)];
+    costs.reading_min * readings as f64 + hung
 }
 
 /// So much time in the laboratory.

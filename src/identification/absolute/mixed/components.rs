@@ -139,7 +139,8 @@ impl MixedModel {
     /// What the readings say, all poses together.
     fn likelihood(&self, variances: &MixedVariances) -> Option<Likelihood> {
         let each = |of: &dyn Fn(&PoseReadings) -> DMatrix<f64>| {
-            in_blocks(&self.visits.iter().map(of).collect::<Vec<_>>())
+            let all: Vec<_> = self.visits.iter().map(|visit| of(visit)).collect();
+            in_blocks(&all)
         };
         let rows: Vec<_> = (self.visits.iter())
             .flat_map(|visit| visit.fixed.row_iter())

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::joint_errors::DiscrepancyModel;
-use super::{LEAST, MixedModel, MixedVariances, PoseReadings};
+use super::{LEAST, MixedModel, MixedVariances};
 use crate::numeric::markov::{MarkovProcess, knots_among};
 use crate::parameter::JointFunction;
 
@@ -71,7 +71,7 @@ impl MixedModel {
         let mut variances = self.known_variances(known);
         let said = [variances.all[0], variances.all[1]];
         let mut places = vec![0, 1];
-        if self.visits.iter().any(PoseReadings::is_visited_again) {
+        if self.visits.iter().any(|visit| visit.is_visited_again()) {
             let first = 2 + known.functions.len();
             variances.all.splice(first..first, said);
             variances.all[..2].fill(LEAST);

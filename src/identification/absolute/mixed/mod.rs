@@ -19,6 +19,7 @@ mod prediction;
 mod standard_errors;
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector, RowDVector, UnitQuaternion, stack};
 use rayon::prelude::*;
@@ -107,8 +108,8 @@ struct MixedVariances {
 /// The readings with what is known before of the parameters, in the coordinates of what is determined.
 #[derive(Debug, Clone)]
 pub(super) struct MixedModel {
-    /// Those of one command pose together.
-    visits: Vec<PoseReadings>,
+    /// Those of one command pose together; parts of a model share them.
+    visits: Vec<Arc<PoseReadings>>,
     /// Precision (r x r) and its pull (r).
     prior: DMatrix<f64>,
     pull: DVector<f64>,
@@ -172,7 +173,7 @@ impl MixedModel {
             most_knots: MOST_KNOTS,
             waving: Vec::new(),
         };
-        model.visits = by_pose(&model.visits_of(case, rows));
+        model.visits = shared(by_pose(&model.visits_of(case, rows)));
         model
     }
 
@@ -225,7 +226,7 @@ impl MixedModel {
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
         let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
-        for visit in &mut self.visits {
+        for visit in self.visits.iter_mut().map(Arc::make_mut) {
             let waves = turning.iter().flat_map(|&joint| {
                 let (moved, angle) = (visit.joints.column(joint), visit.angles[joint]);
                 (1..=HIDDEN_WAVES).flat_map(move |order| {
@@ -267,7 +268,7 @@ impl MixedModel {
             }
         }
         Self {
-            visits: by_pose(&visits.collect::<Vec<_>>()),
+            visits: shared(by_pose(&visits.collect::<Vec<_>>())),
             prior: stack![self.prior, 0; 0, other.prior],
             pull: stack![self.pull; other.pull],
             priors: Vec::new(),
@@ -285,18 +286,18 @@ impl MixedModel {
     /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
     /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
     fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
-        let most = if self.waving.is_empty() {
-            Vec::new()
-        } else {
-            let (seen, _) = self.clone().with_waves(&[]).likeliest()?;
-            let joints = self.waving.iter();
-            joints.map(|&joint| seen.all[2 + joint]).collect()
-        };
         let mut variances = self.first();
         let count = self.visits.len();
         let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
         let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
         let sample = some.as_ref().unwrap_or(self);
+        let most = if self.waving.is_empty() {
+            Vec::new()
+        } else {
+            let (seen, _) = sample.clone().with_waves(&[]).likeliest()?;
+            let joints = self.waving.iter();
+            joints.map(|&joint| seen.all[2 + joint]).collect()
+        };
         let limit = |variances: &mut MixedVariances| {
             let waves = variances.all.iter_mut().skip(2 + self.joints.len());
             for (variance, &most) in waves.zip(&most) {
@@ -389,7 +390,7 @@ impl MixedModel {
 
     fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
         let offsets = self.offsets(variances);
-        let of_visits = |visits: &[PoseReadings]| sums_of(visits, variances, &offsets);
+        let of_visits = |visits: &[Arc<PoseReadings>]| sums_of(visits, variances, &offsets);
         let (mut information, mut gradient) = self.sum_of(of_visits, |sum, piece| {
             sum.0 += piece.0;
             sum.1 += piece.1;
@@ -470,7 +471,7 @@ impl MixedModel {
     /// A sum over all visits, in pieces side by side.
     fn sum_of<Sum: Send>(
         &self,
-        of_visits: impl Fn(&[PoseReadings]) -> Option<Sum> + Sync + Send,
+        of_visits: impl Fn(&[Arc<PoseReadings>]) -> Option<Sum> + Sync + Send,
         add: impl Fn(&mut Sum, Sum),
     ) -> Option<Sum> {
         let size = self.visits.len().div_ceil(PIECES).max(LEAST_PIECE);
@@ -491,7 +492,7 @@ impl MixedModel {
     ) -> Option<(MixedVariances, Vec<f64>)> {
         let offsets = self.offsets(variances);
         // Numerators and denominators of what improves each variance.
-        let of_visits = |visits: &[PoseReadings]| {
+        let of_visits = |visits: &[Arc<PoseReadings>]| {
             let mut sums = vec![[0.0; 2]; variances.all.len()];
             let mut at = 0;
             let known = solved.of_dense(visits, offsets[0]);
@@ -560,6 +561,10 @@ impl MixedVariances {
     fn of_unread(&self, part: usize) -> f64 {
         self.all[part] + self.of_poses.map_or(0.0, |first| self.all[first + part])
     }
+}
+
+fn shared(visits: Vec<PoseReadings>) -> Vec<Arc<PoseReadings>> {
+    visits.into_iter().map(Arc::new).collect()
 }
 
 /// The robot's own parameters that are known before, apart from all others: places and precisions.

@@ -1,5 +1,8 @@
 //! Readings of one command pose as a mixed model has them.
 
+use std::borrow::Borrow;
+use std::sync::Arc;
+
 use nalgebra::{Cholesky, DMatrix, DVector, UnitQuaternion, stack};
 
 use super::{MixedSolution, MixedVariances, PoseReadings};
@@ -226,7 +229,7 @@ pub(super) fn by_pose(visits: &[PoseReadings]) -> Vec<PoseReadings> {
 
 /// The information of some visits and its pull, in its upper triangle.
 pub(super) fn sums_of(
-    visits: &[PoseReadings],
+    visits: &[Arc<PoseReadings>],
     variances: &MixedVariances,
     offsets: &[usize],
 ) -> Option<(DMatrix<f64>, DVector<f64>)> {
@@ -274,11 +277,16 @@ pub(super) fn sums_of(
 
 impl MixedSolution {
     /// Visits' derivatives by parameters and waves times the covariance of these, one visit below the other.
-    pub(super) fn of_dense(&self, visits: &[PoseReadings], first: usize) -> DMatrix<f64> {
-        let rows = visits.iter().map(|each| each.residual.len()).sum();
+    pub(super) fn of_dense(
+        &self,
+        visits: &[impl Borrow<PoseReadings>],
+        first: usize,
+    ) -> DMatrix<f64> {
+        let visits = || visits.iter().map(Borrow::borrow);
+        let rows = visits().map(|each| each.residual.len()).sum();
         let mut dense = DMatrix::zeros(rows, first);
         let mut at = 0;
-        for visit in visits {
+        for visit in visits() {
             let count = visit.residual.len();
             (dense.rows_mut(at, count)).copy_from(&visit.columns().columns(0, first));
             at += count;

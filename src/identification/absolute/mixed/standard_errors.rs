@@ -1,6 +1,7 @@
 //! Standard errors of parameters from variance components, with degrees of freedom after Satterthwaite.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -63,7 +64,7 @@ impl MixedModel {
         let (_, told) = self.improved(&variances, &solved)?;
         let offsets = self.offsets(&variances);
         let fixed = self.units.ncols();
-        let of_visits = |visits: &[PoseReadings]| {
+        let of_visits = |visits: &[Arc<PoseReadings>]| {
             let mut sums = GradientSums {
                 curvature: DMatrix::zeros(fixed, fixed),
                 parts: vec![DMatrix::zeros(fixed, fixed); 1 + variances.all.len()],

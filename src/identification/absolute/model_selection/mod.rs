@@ -248,12 +248,12 @@ impl AbsoluteCase<'_> {
                         start[place] = below.fit.posterior.mean[known];
                     }
                 }
-                self.fit_near(&set, start.as_slice())
+                self.fit_for_weights(&set, start.as_slice())
             } else {
                 let fit = fit_parameters(&self.arm, &set, &self.observations)?;
                 let values = self.rebased(&fit);
                 self.weigh_by(&fit, weights)?;
-                self.fit_near(&set, values.as_slice())
+                self.fit_for_weights(&set, values.as_slice())
             };
             match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
                 Ok(fit) => {

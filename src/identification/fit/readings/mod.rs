@@ -11,8 +11,8 @@ use super::gauss_newton::{CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
-    NormalEquations, Observation, SharedErrors, normal_equations, planned_information,
-    shared_equations,
+    LinearObservations, NormalEquations, Observation, SharedErrors, normal_equations,
+    planned_information,
 };
 use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
 
@@ -69,6 +69,7 @@ pub fn fit_parameters(
         set,
         observations,
         shared: None,
+        linear: None,
     };
     readings.fit_from_frames(Haste::None)
 }
@@ -80,6 +81,14 @@ pub struct FittedReadings<'a> {
     pub set: &'a ParameterSet,
     pub observations: &'a [Observation],
     pub shared: Option<&'a SharedErrors>,
+    /// To first order, where they are near enough.
+    pub linear: Option<&'a LinearReadings>,
+}
+
+/// Observations to first order about values of the parameters, and what they do not determine.
+pub struct LinearReadings {
+    pub observations: LinearObservations,
+    freedoms: Freedoms,
 }
 
 /// What a fit may take for granted.
@@ -92,7 +101,7 @@ pub enum Haste {
     /// It begins anywhere, and is found as soon as a step is short in standard errors as the residuals have them: whether the
     /// observations' own covariances explain these is known by then.
     Residuals,
-    /// The same, and it may end where it begins if no values can explain the observations.
+    /// The same, and it may end on the way if no values can explain the observations.
     Plausibility,
     /// It begins near, and weights follow from it alone.
     Weights,
@@ -110,10 +119,10 @@ impl FittedReadings<'_> {
             return Err(IdentificationError::NoMeasurements);
         }
         let nominal_values = &self.set.prior().mean;
-        // What the observations and the set's prior determine.
-        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
-        let information = planned_information(self.set, self.nominal, nominal_values, &planned);
-        let freedoms = Freedoms::new(self.nominal, self.set, &information);
+        let freedoms = match self.linear {
+            Some(known) => known.freedoms.clone(),
+            None => self.freedoms(),
+        };
         let estimable = freedoms.estimable(self.set);
         if estimable.rank() == 0 {
             return Err(IdentificationError::NothingObserved);
@@ -154,13 +163,37 @@ impl FittedReadings<'_> {
         })
     }
 
+    /// What neither the observations nor the set's prior determine.
+    fn freedoms(&self) -> Freedoms {
+        let planned: Vec<_> = self.observations.iter().map(Observation::planned).collect();
+        let nominal_values = &self.set.prior().mean;
+        let information = planned_information(self.set, self.nominal, nominal_values, &planned);
+        Freedoms::new(self.nominal, self.set, &information)
+    }
+
+    /// The same observations to first order about values (p), for fits that differ in weights alone.
+    pub fn linear_at(&self, values: &DVector<f64>) -> FitResult<LinearReadings> {
+        let observations =
+            LinearObservations::new(self.set, self.nominal, values, self.observations)?;
+        let freedoms = self.freedoms();
+        Ok(LinearReadings {
+            observations,
+            freedoms,
+        })
+    }
+
     /// What the readings say at values (p), as they are weighed.
     pub fn equations(&self, values: &DVector<f64>) -> FitResult<NormalEquations> {
+        let linear = self.linear.map(|known| &known.observations);
         let (set, nominal, observations) = (self.set, self.nominal, self.observations);
-        Ok(match self.shared {
-            None => normal_equations(set, nominal, values, observations),
-            Some(shared) => shared_equations(set, nominal, values, observations, shared),
-        }?)
+        Ok(normal_equations(
+            set,
+            nominal,
+            values,
+            observations,
+            self.shared,
+            linear,
+        )?)
     }
 
     /// The number of scalar readings.
@@ -190,9 +223,10 @@ impl FittedReadings<'_> {
             set: &frames,
             observations: self.observations,
             shared: None,
+            linear: None,
         };
         // Where they cannot be found alone, all parameters may still be.
-        if let Ok(fit) = readings.fit_from(&frames.prior().mean, Haste::None) {
+        if let Ok(fit) = readings.fit_from(&frames.prior().mean, Haste::Residuals) {
             for (&index, value) in is_frame.iter().zip(&fit.posterior.mean) {
                 start[index] = *value;
             }

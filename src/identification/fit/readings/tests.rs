@@ -133,6 +133,7 @@ fn readings<'a>(
         set,
         observations,
         shared: None,
+        linear: None,
     }
 }
 
