@@ -17,12 +17,6 @@ const LEAST_DISCREPANCY: f64 = 1e-9;
 /// Weights that change by no larger share are the same.
 const SETTLED: f64 = 1e-6;
 
-/// Whether weights have ceased to change.
-fn is_settled(next: [f64; 2], last: [f64; 2]) -> bool {
-    let mut pairs = next.iter().zip(last);
-    pairs.all(|(next, last)| (next - last).abs() <= SETTLED * next)
-}
-
 impl AbsoluteCase<'_> {
     /// Weighs the readings by their own covariance and by what no parameter explains besides: a standard deviation of each
     /// coordinate of the position (m) and of the rotation (rad). Readings of one visit share that but for what differs within visits.
@@ -133,49 +127,20 @@ impl AbsoluteCase<'_> {
             self.rebased(&fit);
             (found, set.prior().mean.clone())
         };
-        let mut is_near = other.is_some();
         for _ in 0..WEIGHINGS {
-            if is_near {
-                found = self.settled_discrepancy(set, &mut values, found)?;
-            }
             self.weigh(found);
-            let fit = self.fit_near(set, values.as_slice())?;
+            let fit = (self.fitted_readings(set)).fit_from(&values, Haste::Weights)?;
             let next = self.estimated_discrepancy(&fit)?;
-            if is_settled(next, found) {
-                return Ok((fit, Some(found)));
-            }
-            (found, is_near, values) = (next, true, self.rebased(&fit));
-        }
-        self.weigh(found);
-        Ok((self.fit_near(set, values.as_slice())?, Some(found)))
-    }
-
-    /// The discrepancy that agrees with the residuals of a fit weighed by it, to first order about values (p), which become those of the
-    /// fit.
-    fn settled_discrepancy(
-        &mut self,
-        set: &ParameterSet,
-        values: &mut DVector<f64>,
-        mut found: [f64; 2],
-    ) -> FitResult<[f64; 2]> {
-        let linear = self.fitted_readings(set).linear_at(values)?;
-        for _ in 0..WEIGHINGS {
-            self.weigh(found);
-            let readings = FittedReadings {
-                linear: Some(&linear),
-                ..self.fitted_readings(set)
-            };
-            let fit = readings.fit_from(values, Haste::Weights)?;
-            *values = DVector::from_column_slice(&fit.posterior.mean);
-            let left = self.left_by(&linear, values);
-            self.within = self.within_visits(&left, fit.spare());
-            let next = self.discrepancy_of(&left, &fit);
-            let last = std::mem::replace(&mut found, next);
-            if is_settled(next, last) {
+            values = self.rebased(&fit);
+            let is_settled =
+                (next.iter().zip(found)).all(|(next, last)| (next - last).abs() <= SETTLED * next);
+            found = next;
+            if is_settled {
                 break;
             }
         }
-        Ok(found)
+        self.weigh(found);
+        Ok((self.fit_near(set, values.as_slice())?, Some(found)))
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.

@@ -379,8 +379,7 @@ impl<'a> AbsoluteCase<'a> {
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected, before| {
-                let near = before.or(Some(first));
-                let found = (self.fit_without(rejected, set, weights, near)).ok()?;
+                let found = (self.fit_without(rejected, set, weights, before)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;

@@ -86,12 +86,13 @@ impl<Kept> FitPlace<Kept> {
     }
 }
 
-/// The place from which no step leads further, and the number of steps, with one to spare. Where there is no hope, it is one on the
-/// way.
+/// The place from which no step leads further, and the number of steps, with one to spare. Where there is no hope, it is where the fit
+/// begins.
 pub fn gauss_newton<Problem: FitProblem>(
     problem: &mut Problem,
     start: FitPlace<Problem::Kept>,
 ) -> FitResult<(FitPlace<Problem::Kept>, usize)> {
+    let begun = start.values.clone();
     let mut now = start;
     let mut before: Option<FitPlace<Problem::Kept>> = None;
     let mut curvature: Option<DMatrix<f64>> = None;
@@ -110,7 +111,7 @@ pub fn gauss_newton<Problem: FitProblem>(
                 break;
             }
             if problem.is_hopeless(before, &now) {
-                return Ok((now, iterations));
+                return Ok((problem.at(begun)?, iterations));
             }
             let is_slow = iterations > problem.nearly_linear() && length > SLOW * before.length();
             if is_slow || curvature.is_some() {

@@ -101,7 +101,7 @@ pub enum Haste {
     /// It begins anywhere, and is found as soon as a step is short in standard errors as the residuals have them: whether the
     /// observations' own covariances explain these is known by then.
     Residuals,
-    /// The same, and it may end on the way if no values can explain the observations.
+    /// The same, and it may end where it begins if no values can explain the observations.
     Plausibility,
     /// It begins near, and weights follow from it alone.
     Weights,
