@@ -244,7 +244,8 @@ impl<'a> InverseKinematics<'a> {
             if moved.1 <= SETTLED {
                 break;
             }
-            let mut offsets = (self.arm).offsets_rad(commands.as_slice(), self.tool, load, None);
+            let offsets = (self.arm).held_offsets_rad(commands.as_slice(), self.tool, load);
+            let mut offsets = offsets.map_err(|_| NOWHERE)?;
             for error in self.errors {
                 offsets[error.joint] += error.at(commands.as_slice());
             }

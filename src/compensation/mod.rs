@@ -69,7 +69,7 @@ fn under_load(
 /// for them, in position and orientation where six are commanded.
 ///
 /// # Errors
-/// The unloaded robot has no equilibrium at the test pose.
+/// The unloaded robot has no equilibrium at the test pose, or a joint cannot hold what it carries.
 pub fn compensate_arm(
     arm: &ElasticArm,
     tool: usize,
@@ -79,16 +79,16 @@ pub fn compensate_arm(
     // Both are approached with all joints turning positively.
     let offsets = |load: &Load| {
         let q = pose.configuration_rad.as_slice();
-        DVector::from_vec(arm.offsets_rad(q, tool, load, None))
+        arm.held_offsets_rad(q, tool, load).map(DVector::from_vec)
     };
     let standing = TestPose {
-        configuration_rad: &pose.configuration_rad + offsets(&Load::NONE),
+        configuration_rad: &pose.configuration_rad + offsets(&Load::NONE)?,
         ..pose.clone()
     };
     let compliance = &arm.compliance_rad_per_nm;
     let tool = &arm.tools[tool];
     let (commanded_rad, load) = under_load(&arm.chain, tool, compliance, &standing, method)?;
-    let mut commanded_rad = commanded_rad - offsets(&load);
+    let mut commanded_rad = commanded_rad - offsets(&load)?;
     if !arm.gear_waves.is_empty() {
         // Gears are off by what they are off by where the joints are commanded now.
         for (joint, commanded) in commanded_rad.iter_mut().enumerate() {

@@ -418,6 +418,9 @@ impl<'a> ObservationModel<'a> {
         setup: &Setup,
         derivatives: &mut Matrix6xX<f64>,
     ) -> Result<Prediction, EquilibriumError> {
+        if let Some(off_springs) = &self.off_springs {
+            self.belief.check_held(&off_springs.here)?;
+        }
         let target = &self.belief.tools[setup.target];
         let hook = setup.hook().filter(|_| is_loaded);
         let carrier = hook.map_or(target, |hook| hook.among(&self.belief.tools));

@@ -7,7 +7,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::backlash::Backlash;
 use super::gear::{GearWave, WaveError};
 use crate::mujoco::TorqueLaw;
-use crate::robot::{Approach, KinematicState, Load, SerialChain, Tool};
+use crate::robot::{Approach, EquilibriumError, KinematicState, Load, SerialChain, Tool};
 
 /// How often a command is corrected by what the gear is off by there.
 const GEAR_STEPS: usize = 20;
@@ -163,6 +163,16 @@ impl ElasticArm {
         self.stiffening[joint].gives(self.compliance_rad_per_nm[joint], leaning.torque_nm)
     }
 
+    /// That each joint can hold what it carries.
+    ///
+    /// # Errors
+    /// One that softens carries more than it can hold.
+    pub fn check_held(&self, leanings: &[Leaning]) -> Result<(), EquilibriumError> {
+        let mut joints = self.stiffening.iter().zip(leanings);
+        let are_held = joints.all(|(law, leaning)| law.can_hold(leaning.torque_nm));
+        are_held.then_some(()).ok_or(EquilibriumError::Unstable)
+    }
+
     /// Whether some joint has a gap, or gives besides its spring.
     pub fn leans(&self) -> bool {
         self.backlash.iter().any(|gap| gap.half_width_rad != 0.0)
@@ -211,7 +221,7 @@ impl ElasticArm {
     }
 
     /// What is added to each commanded angle `q` (rad): the joints' zeros, what their gears are off by there, and how far they
-    /// stand off their springs, see [`Self::leanings`].
+    /// stand off their springs, see [`Self::leanings`]: a joint that cannot hold what it carries, as far as where it holds most.
     pub fn offsets_rad(
         &self,
         q: &[f64],
@@ -230,6 +240,22 @@ impl ElasticArm {
             }
         }
         offsets
+    }
+
+    /// The same where each joint can hold what it carries.
+    ///
+    /// # Errors
+    /// See [`Self::check_held`].
+    pub fn held_offsets_rad(
+        &self,
+        q: &[f64],
+        tool: usize,
+        load: &Load,
+    ) -> Result<Vec<f64>, EquilibriumError> {
+        if self.leans() {
+            self.check_held(&self.leanings(q, &self.tools[tool], load, None))?;
+        }
+        Ok(self.offsets_rad(q, tool, load, None))
     }
 }
 

@@ -57,14 +57,11 @@ fn other_robots_stiffen_too() {
     assert_holds(&study(&format!("{head}{study_of}{list}")), "UR10");
 }
 
-/// A joint stiffens by all that it carries: a spring of its own, one between places, an actuator's constant force.
-#[test]
-fn what_a_joint_carries_besides_weight_and_load_stiffens_it() {
-    const ARM: &str = r#"<mujoco><compiler angle="degree"/><worldbody><body name="base"><site name="foot" pos="-0.3 0 0.1"/>
+const ARM: &str = r#"<mujoco><compiler angle="degree"/><worldbody><body name="base"><site name="foot" pos="-0.3 0 0.1"/>
         <body name="link"><inertial pos="0.5 0 0" mass="80" diaginertia="1 1 1"/><joint name="hinge" axis="0 1 0" range="-90 90"/>
         <site name="eye" pos="0.2 0 0.3"/><site name="tip" pos="1 0 0"/></body></body></worldbody>
         <actuator><position joint="hinge" kp="2e5"/></actuator></mujoco>"#;
-    const SCENARIO: &str = r#"
+const SCENARIO: &str = r#"
         [robot]
         model = "arm.xml"
         calibration_site = "tip"
@@ -91,6 +88,12 @@ fn what_a_joint_carries_besides_weight_and_load_stiffens_it() {
         [design]
         experiments = 4
         "#;
+const PLAN: &str = "q1_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n-40,0,0,-800,0,0,0,1\n0,0,0,-800,0,0,0,1\n\
+                    20,0,0,-800,0,0,0,1\n50,0,0,-800,0,0,0,1\n";
+
+/// A joint stiffens by all that it carries: a spring of its own, one between places, an actuator's constant force.
+#[test]
+fn what_a_joint_carries_besides_weight_and_load_stiffens_it() {
     let tendon = r#"</worldbody><tendon><spatial stiffness="8000" springlength="0.1"><site site="foot"/><site site="eye"/></spatial></tendon>"#;
     let constant =
         r#"<general gainprm="2e5" biastype="affine" joint="hinge" biasprm="-300 -2e5 0"/>"#;
@@ -104,14 +107,36 @@ fn what_a_joint_carries_besides_weight_and_load_stiffens_it() {
     ] {
         assert!(ARM.contains(from));
         let place = Workplace::of_arm(ARM.replace(from, to), SCENARIO);
-        place.write(
-            "plan.csv",
-            "q1_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n-40,0,0,-800,0,0,0,1\n0,0,0,-800,0,0,0,1\n\
-             20,0,0,-800,0,0,0,1\n50,0,0,-800,0,0,0,1\n",
-        );
+        place.write("plan.csv", PLAN);
         let evaluated = place.json("evaluate arm.toml --plan plan.csv --no-proof --trials 1500");
         holds(&evaluated["trials"]);
     }
+}
+
+/// A joint that nearly gives way is identified: first steps lead where none would hold.
+#[test]
+fn a_joint_that_holds_hardly_more_is_identified() {
+    let wide = [("0.02", "0.15"), ("at_nm = 1000", "at_nm = 800")];
+    let scenario = wide.iter().fold(SCENARIO.to_owned(), |text, (from, to)| {
+        assert!(text.contains(from));
+        text.replace(from, to)
+    });
+    let place = Workplace::of_arm(ARM, scenario);
+    place.write("plan.csv", PLAN);
+    let command = "measure arm.toml --plan plan.csv --run 58 --measurements-out m.csv";
+    let stiffening = |all: &Value| {
+        let mut all = all.as_array().expect("a list").iter();
+        let found = all.find(|each| each["name"] == "hinge.stiffening");
+        found.expect("a stiffening").clone()
+    };
+    let sampled = stiffening(&place.json(command)["truth"]["sampled"]);
+    let fitted = &place.json("identify arm.toml --measurements m.csv")["uncertain"];
+    let fitted = stiffening(fitted);
+    let off = number(&fitted, "value") - number(&sampled, "value");
+    assert!(
+        off.abs() < 4.0 * number(&fitted, "std"),
+        "{sampled} {fitted}"
+    );
 }
 
 /// One law: the chain's solver and MuJoCo's forces leave the robot in the same place, and its beginning is what the belief has.
