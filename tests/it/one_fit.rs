@@ -133,6 +133,11 @@ pub fn changed(
     (values, arm)
 }
 
+/// The largest of errors, whatever its sign.
+fn worst_of(errors: &[f64]) -> f64 {
+    errors.iter().fold(0.0, |most, each| each.abs().max(most))
+}
+
 /// How far off each value of a fit is, in standard errors.
 pub fn errors(fit: &AbsoluteFit, values: &[f64], truth: &ElasticArm) -> Vec<f64> {
     let off = |reference: &Isometry3<f64>, truth: &Isometry3<f64>, axis: Axis, is_turn: bool| {
@@ -221,10 +226,7 @@ fn frames_and_geometry_come_back_without_a_guess() {
             "{}",
             fit.set.len()
         );
-        let worst = errors(&fit, &values, &truth)
-            .into_iter()
-            .map(f64::abs)
-            .fold(0.0, f64::max);
+        let worst = worst_of(&errors(&fit, &values, &truth));
         assert!(worst < 1e-3, "case {case}: {worst} standard errors");
     }
 }
@@ -252,9 +254,7 @@ fn loads_act_where_the_calibration_tool_is_found() {
     let (values, truth) = changed(&mut random, &dry, &nominal);
     let fit = fitted(&read(&mut random, &truth, &campaign));
     assert!(fit.undetermined.is_empty(), "{:#?}", fit.undetermined);
-    let worst = (errors(&fit, &values, &truth).into_iter())
-        .map(f64::abs)
-        .fold(0.0, f64::max);
+    let worst = worst_of(&errors(&fit, &values, &truth));
     assert!(worst < 1e-3, "{worst} standard errors");
 }
 

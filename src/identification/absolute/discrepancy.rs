@@ -73,19 +73,14 @@ impl AbsoluteCase<'_> {
     }
 
     /// A fit with the weights that the readings have, from values (p) that are near.
-    pub(super) fn fit_near(&self, set: &ParameterSet, values: &[f64]) -> FitResult<ParameterFit> {
-        let start = values.to_vec().into();
-        self.fitted_readings(set).fit_from(&start, Haste::Near)
-    }
-
-    /// The same where no more than weights follow from it.
-    pub(super) fn fit_for_weights(
+    pub(super) fn fit_near(
         &self,
         set: &ParameterSet,
         values: &[f64],
+        haste: Haste,
     ) -> FitResult<ParameterFit> {
         let start = values.to_vec().into();
-        self.fitted_readings(set).fit_from(&start, Haste::Weights)
+        self.fitted_readings(set).fit_from(&start, haste)
     }
 
     pub(super) fn fitted_readings<'a>(&'a self, set: &'a ParameterSet) -> FittedReadings<'a> {
@@ -140,7 +135,10 @@ impl AbsoluteCase<'_> {
             }
         }
         self.weigh(found);
-        Ok((self.fit_near(set, values.as_slice())?, Some(found)))
+        Ok((
+            self.fit_near(set, values.as_slice(), Haste::Near)?,
+            Some(found),
+        ))
     }
 
     /// The frames of stations and targets alone that suit the readings best, all else as it is.

@@ -318,7 +318,7 @@ impl<'a> AbsoluteCase<'a> {
             }
             (None, Some(fit)) if is_plausible || weights == ReadingWeights::Own => {
                 let values = case.rebased(&fit);
-                (case.fit_near(set, values.as_slice())?, None)
+                (case.fit_near(set, values.as_slice(), Haste::Near)?, None)
             }
             (None, other) => case.with_discrepancy(set, other.as_ref())?,
         };
@@ -347,7 +347,7 @@ impl<'a> AbsoluteCase<'a> {
         if !counted.is_sharing_known {
             return Ok(None);
         }
-        let fit = counted.fit_near(set, values.as_slice())?;
+        let fit = counted.fit_near(set, values.as_slice(), Haste::Near)?;
         let plausible = IMPLAUSIBLE..=1.0 - IMPLAUSIBLE;
         let is_counted = is_plausible
             || consistency_of(&fit).is_some_and(|probability| plausible.contains(&probability));

@@ -18,7 +18,7 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::super::estimate::two_sided_student;
-use super::super::fit::ParameterFit;
+use super::super::fit::{Haste, ParameterFit};
 use super::blocks::{Blocks, FEWEST_BLOCKS};
 use super::mixed::{MixedModel, known_alone};
 use super::unknowns::is_geometry;
@@ -152,7 +152,7 @@ impl AbsoluteCase<'_> {
     }
 
     fn by_blocks(&self, of_all: &AbsoluteFit, blocks: &Blocks<'_>) -> FitResult<SeriesEstimates> {
-        let fit = self.fit_near(&of_all.set, &of_all.posterior.mean)?;
+        let fit = self.fit_near(&of_all.set, &of_all.posterior.mean, Haste::Near)?;
         let without = blocks.without(&fit)?;
         let mixed = of_all.discrepancy.and_then(|discrepancy| {
             let (_, mixed) = self.mixed(&fit, discrepancy)?;

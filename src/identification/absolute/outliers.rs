@@ -26,21 +26,20 @@ impl AbsoluteCase<'_> {
         for is_huber in [true, false] {
             let mut values = case.rebased(&fit);
             let linear = case.fitted_readings(&first.set).linear_at(&values).ok()?;
-            for _ in 0..ROBUST_ROUNDS {
-                case.weigh_robustly(&linear, &values, is_huber)?;
+            let refit = |case: &Self, linear, values: &DVector<f64>| {
                 let readings = FittedReadings {
                     shared: None,
-                    linear: Some(&linear),
+                    linear,
                     ..case.fitted_readings(&first.set)
                 };
-                let found = readings.fit_from(&values, Haste::Weights).ok()?;
-                values = DVector::from_column_slice(&found.posterior.mean);
-            }
-            let readings = FittedReadings {
-                shared: None,
-                ..case.fitted_readings(&first.set)
+                readings.fit_from(values, Haste::Weights).ok()
             };
-            fit = readings.fit_from(&values, Haste::Weights).ok()?;
+            for _ in 0..ROBUST_ROUNDS {
+                case.weigh_robustly(&linear, &values, is_huber)?;
+                let found = refit(&case, Some(&linear), &values)?;
+                values = DVector::from_vec(found.posterior.mean);
+            }
+            fit = refit(&case, None, &values)?;
         }
         Some(fit)
     }

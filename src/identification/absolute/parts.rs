@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use super::super::discrepancy::{discrepancy_covariance, three_rows};
+use super::super::fit::Haste;
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
 use super::{
@@ -263,7 +264,9 @@ impl PartsOfReadings<'_> {
             to.clone_from(&observations[index]);
         }
         let (arm, set) = (&self.case.arm, &self.all.set);
-        let fit = part.fit_near(set, set.prior().mean.as_slice()).ok()?;
+        let fit = part
+            .fit_near(set, set.prior().mean.as_slice(), Haste::Near)
+            .ok()?;
         let joints = self.known.joints();
         let model = if joints.is_empty() {
             DiscrepancyModel::plain(fit.posterior.covariance.clone(), self.known.rest)

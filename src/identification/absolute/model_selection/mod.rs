@@ -13,7 +13,7 @@ mod recommendation;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::super::fit::{ParameterFit, fit_parameters};
+use super::super::fit::{Haste, ParameterFit, fit_parameters};
 use super::super::nominal::{UNKNOWN, with_nominal};
 use super::blocks::{Blocks, FEWEST_BLOCKS, Without};
 use super::fit::{KeptFit, from_its_frames};
@@ -248,12 +248,12 @@ impl AbsoluteCase<'_> {
                         start[place] = below.fit.posterior.mean[known];
                     }
                 }
-                self.fit_for_weights(&set, start.as_slice())
+                self.fit_near(&set, start.as_slice(), Haste::Weights)
             } else {
                 let fit = fit_parameters(&self.arm, &set, &self.observations)?;
                 let values = self.rebased(&fit);
                 self.weigh_by(&fit, weights)?;
-                self.fit_for_weights(&set, values.as_slice())
+                self.fit_near(&set, values.as_slice(), Haste::Weights)
             };
             match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
                 Ok(fit) => {
@@ -272,9 +272,9 @@ impl AbsoluteCase<'_> {
         for step in steps {
             let (set, near) = (&step.fit.set, &step.fit.posterior.mean);
             // By these weights readings may tell what they did not by those of the model below.
-            let fit = self.fit_near(&set.clone().without_nominal(), near);
+            let fit = self.fit_near(&set.clone().without_nominal(), near, Haste::Near);
             step.fit = match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
-                Err(_) if !set.nominal().is_empty() => self.fit_near(set, near)?,
+                Err(_) if !set.nominal().is_empty() => self.fit_near(set, near, Haste::Near)?,
                 found => found?,
             };
         }
@@ -293,7 +293,7 @@ impl AbsoluteCase<'_> {
     /// The same fit in which compliances stay nominal that it does not tell.
     fn with_nominal_where_unknown(&self, mut fit: ParameterFit) -> FitResult<ParameterFit> {
         while let Some(set) = with_nominal(&fit, &fit.posterior.covariance, UNKNOWN) {
-            fit = self.fit_near(&set, &fit.posterior.mean)?;
+            fit = self.fit_near(&set, &fit.posterior.mean, Haste::Near)?;
         }
         Ok(fit)
     }
