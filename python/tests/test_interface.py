@@ -381,7 +381,7 @@ def test_slides_are_in_millimetres_and_with_rad_in_metres(slide: ec.Scenario, tm
         with pytest.raises(ec.UsageError, match="has the columns q1_deg, .*; those of the robot are q1_mm, q2_deg, q3_deg") as raised:
             use(wrong)
         assert "columns=scenario.columns" in str(raised.value.hint)
-    with pytest.raises(ec.UsageError, match="the plan has the columns"):
+    with pytest.raises(ec.UsageError, match="the plans have the columns q1_mm, .* and q1_deg, q2_deg, q3_deg"):
         plan + turned
     # A slide is no angle that could be in degrees or in rad.
     with pytest.raises(ec.UsageError, match="no angle above 1.4 in 3 configurations: these are radians"):

@@ -139,7 +139,9 @@ impl Lab {
         Ok(LaboratoryWork {
             table: to_fill_in(scenario, &plan, &campaign),
             stills: Stills::of_plan(scenario, &plan),
-            conditions: conditions.into_iter().collect(),
+            conditions: (conditions.into_iter())
+                .chain(campaign.drifts_otherwise(task, laboratory))
+                .collect(),
             campaign,
         })
     }

@@ -54,6 +54,8 @@ codes! {
         BelowBound = "C0111",
         LargeDeflection = "C0112",
         NotMadeUp = "C0113",
+        StaysBetweenVisits = "C0114",
+        DriftIntervals = "C0115",
         Unidentifiable = "C0201",
         ImpossibleCompliance = "C0202",
         NegativeCompliance = "C0203",

@@ -232,6 +232,7 @@ fn judge(before: &ResultNumber, now: &ResultNumber, allowed: Tolerance) -> Chang
     let standard = before.standard_error.hypot(now.standard_error);
     let guard_band = allowed.guard_band * TWO_SIDED_95 * standard;
     let decision = match (base, new) {
+        (Some(base), Some(new)) if base.to_bits() == new.to_bits() => Decision::Accept,
         (Some(base), Some(new)) => {
             let larger = new - base;
             let worse = if before.key.quantity.larger_is_worse() {

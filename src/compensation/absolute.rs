@@ -53,6 +53,11 @@ pub enum Unreachable {
         /// The joint's place in the chain.
         joint: usize,
     },
+    /// A joint softens and cannot hold what it carries there.
+    GivesWay {
+        /// The joint's place in the chain.
+        joint: usize,
+    },
     /// It is reached only where a joint is beyond its range.
     BeyondRange {
         /// The joint's place in the chain.
@@ -245,7 +250,7 @@ impl<'a> InverseKinematics<'a> {
                 break;
             }
             let offsets = (self.arm).held_offsets_rad(commands.as_slice(), self.tool, load);
-            let mut offsets = offsets.map_err(|_| NOWHERE)?;
+            let mut offsets = offsets.map_err(|joint| Unreachable::GivesWay { joint })?;
             for error in self.errors {
                 offsets[error.joint] += error.at(commands.as_slice());
             }
@@ -331,6 +336,7 @@ const NOWHERE: Unreachable = Unreachable::TooFar {
 fn distance(failure: &Unreachable) -> f64 {
     match failure {
         Unreachable::BeyondRange { .. } | Unreachable::Unsettled { .. } => 0.0,
+        Unreachable::GivesWay { .. } => f64::INFINITY,
         Unreachable::TooFar {
             distance_m,
             angle_rad,

@@ -79,7 +79,8 @@ pub fn compensate_arm(
     // Both are approached with all joints turning positively.
     let offsets = |load: &Load| {
         let q = pose.configuration_rad.as_slice();
-        arm.held_offsets_rad(q, tool, load).map(DVector::from_vec)
+        let offsets = arm.held_offsets_rad(q, tool, load);
+        (offsets.map(DVector::from_vec)).map_err(|joint| arm.gives_way(joint))
     };
     let standing = TestPose {
         configuration_rad: &pose.configuration_rad + offsets(&Load::NONE)?,

@@ -5,6 +5,9 @@
 //! to: there are no fewer changes of load than different loads. Each configuration is approached from the same
 //! side every time, so that backlash and friction are the same in both positions.
 //!
+//! Where the instrument drifts, the configurations of each load are visited without it just before, and with it in the same order: the
+//! times between the two readings of deflections are alike then, as predictions have them.
+//!
 //! Where something is new at each visit, repeats are visits: the k-th of all configurations are one round, so that the robot leaves a
 //! configuration before it comes there again. Otherwise repeats are readings of one visit.
 //!
@@ -33,6 +36,9 @@ use crate::task::{Loading, Task};
 
 /// What a move that is not straight costs more than one that is, and how many times as much.
 const DETOUR: (f64, f64) = (1.0, 2.0);
+
+/// Times between readings that are further from each other, or longer than is counted, by this share make another drift.
+const DRIFTS: f64 = 0.25;
 
 /// What it costs to come again to where the robot stands: it is to leave in between.
 const AGAIN: f64 = 100.0;
@@ -101,7 +107,7 @@ impl Campaign {
             let places = 0..plan.experiments.len();
             let (in_place, others): (Vec<usize>, Vec<usize>) =
                 places.partition(|&place| stays || plan.experiments[place].direction.is_some());
-            let mut groups = groups_of_loads(&task.belief, plan, others.into_iter(), keep_order);
+            let mut groups = groups_of_loads(&task.belief, plan, &others, keep_order);
             groups.extend(planner.in_place(&in_place, keep_order));
             groups
         };
@@ -173,6 +179,8 @@ impl Campaign {
         for group in groups(&planner) {
             let order = if keep_order {
                 (0..group.members.len()).collect()
+            } else if task.belief.uncertain.has_drift() && group.loads[0].is_some() {
+                as_unloaded(&stops, &group)
             } else {
                 planner.order(stops.last(), &group)
             };
@@ -208,6 +216,7 @@ impl Campaign {
     /// What must be looked at as it is carried out.
     pub fn conditions(&self, laboratory: &Laboratory) -> Vec<Condition> {
         let mut conditions = Vec::new();
+        conditions.extend(self.stays_between_visits());
         let without: BTreeSet<usize> = (self.stops.iter())
             .filter(|stop| stop.approach.is_none() && !stop.is_in_place)
             .flat_map(|stop| stop.experiments.iter().copied())
@@ -249,16 +258,7 @@ impl Campaign {
     /// At which stop an experiment is measured without a load for what is read under it at a stop, both as indices, and how many
     /// readings of other experiments come before its own there, where readings are no one else's.
     pub fn without_load(&self, plan: &Plan, experiment: usize, loaded: usize) -> (usize, u32) {
-        let is_of = |stop: &&Stop| stop.experiments.contains(&experiment);
-        let before = self.stops[..loaded].iter().filter(is_of);
-        let visit = before.filter(|stop| stop.load.is_some()).count();
-        let numbered = self.stops.iter().enumerate();
-        let unloaded = numbered.filter(|(_, stop)| is_of(stop) && stop.load.is_none());
-        let unloaded: Vec<usize> = unloaded.map(|(place, _)| place).collect();
-        let place = unloaded
-            .get(visit)
-            .or(unloaded.first())
-            .map_or(0, |place| *place);
+        let place = unloaded_stop(&self.stops, experiment, loaded);
         let others = self
             .stops
             .get(place)
@@ -268,13 +268,70 @@ impl Campaign {
         (place, readings)
     }
 
+    /// That the robot does not move between visits of one configuration, where no approach leads it away.
+    fn stays_between_visits(&self) -> Option<Condition> {
+        let stays = |pair: &&[Stop]| {
+            let [before, stop] = [&pair[0], &pair[1]];
+            let is_there = before.configuration == stop.configuration && stop.approach.is_none();
+            is_there && !stop.is_in_place && !stop.changes_station && before.load == stop.load
+        };
+        let numbered = self.stops.windows(2).enumerate();
+        let stops = numbered.filter(|(_, pair)| stays(pair));
+        let stops: Vec<String> = stops.map(|(index, _)| (index + 2).to_string()).collect();
+        (!stops.is_empty()).then(|| {
+            ConditionCode::StaysBetweenVisits.with(format!(
+                "the robot is already there at stop {}, which counts as a visit of its own",
+                stops.join(", ")
+            ))
+        })
+    }
+
+    /// That the times between the unloaded and the loaded reading of deflections are not those for which a drift is counted.
+    pub fn drifts_otherwise(&self, task: &Task, laboratory: &Laboratory) -> Option<Condition> {
+        let belief = &task.belief;
+        let returns = belief.loading == Loading::Returns;
+        let [shortest, longest] = self
+            .between_readings_min(laboratory)
+            .filter(|_| returns && belief.uncertain.has_drift())?;
+        let counted = laboratory.costs.between_readings_h(task.design.experiments) * 60.0;
+        let is_alike = longest - shortest < DRIFTS * counted && longest < (1.0 + DRIFTS) * counted;
+        (!is_alike).then(|| {
+            ConditionCode::DriftIntervals.with(format!(
+                "drift counts {counted:.0} min between the readings of each deflection (design.experiments = {}), and this order takes \
+                 {shortest:.0} to {longest:.0} min",
+                task.design.experiments
+            ))
+        })
+    }
+
+    /// The shortest and the longest time (min) between the unloaded and the loaded reading of deflections for which the robot returns.
+    fn between_readings_min(&self, laboratory: &Laboratory) -> Option<[f64; 2]> {
+        let costs = &laboratory.costs;
+        let mut now = 0.0;
+        let read_at = self.stops.iter().map(|stop| {
+            let counts = [!stop.is_in_place, stop.changes_load].map(|is| f64::from(u8::from(is)));
+            let reading = costs.work_min([0.0; 3], f64::from(stop.readings));
+            now += costs.work_min([0.0, counts[0], counts[1]], 0.0) + turning_min(stop, laboratory);
+            now += reading;
+            now - 0.5 * reading
+        });
+        let read_at: Vec<f64> = read_at.collect();
+        let loaded = self.stops.iter().enumerate();
+        let loaded = loaded.filter(|(_, stop)| stop.load.is_some() && !stop.is_in_place);
+        let between = loaded.flat_map(|(place, stop)| {
+            let unloaded = move |&index: &usize| unloaded_stop(&self.stops, index, place);
+            (stop.experiments.iter()).map(move |index| [unloaded(index), place])
+        });
+        let between = between.map(|[unloaded, loaded]| read_at[loaded] - read_at[unloaded]);
+        between.fold(None, |ends: Option<[f64; 2]>, each| {
+            let [low, high] = ends.unwrap_or([each; 2]);
+            Some([low.min(each), high.max(each)])
+        })
+    }
+
     /// How far the joint that moves most moves, all in all (rad, m).
     pub fn travel(&self) -> f64 {
-        let approach = |stop: &Stop| {
-            let start = stop.approach.as_ref();
-            start.map_or(0.0, |start| apart(start, &stop.configuration))
-        };
-        let there = (self.stops.iter()).map(|stop| stop.way.length + approach(stop));
+        let there = self.stops.iter().map(travel_to);
         there.sum::<f64>() + self.return_way.as_ref().map_or(0.0, |way| way.length)
     }
 
@@ -311,6 +368,36 @@ impl Costs {
             + self.load_change_min * load_changes
             + self.reading_min * readings
     }
+}
+
+/// How far the joint that moves most moves to a stop (rad, m).
+fn travel_to(stop: &Stop) -> f64 {
+    let start = stop.approach.as_ref();
+    stop.way.length + start.map_or(0.0, |start| apart(start, &stop.configuration))
+}
+
+/// How long joints turn on the way to a stop (min).
+fn turning_min(stop: &Stop, laboratory: &Laboratory) -> f64 {
+    travel_to(stop) / laboratory.axis_speed_per_s / 60.0
+}
+
+/// At which stop an experiment is measured without a load for what is read under it at a stop, both as indices.
+fn unloaded_stop(stops: &[Stop], experiment: usize, loaded: usize) -> usize {
+    let is_of = |stop: &&Stop| stop.experiments.contains(&experiment);
+    let before = stops[..loaded].iter().filter(is_of);
+    let visit = before.filter(|stop| stop.load.is_some()).count();
+    let numbered = stops.iter().enumerate();
+    let unloaded = numbered.filter(|(_, stop)| is_of(stop) && stop.load.is_none());
+    let unloaded: Vec<usize> = unloaded.map(|(place, _)| place).collect();
+    let place = unloaded.get(visit).or(unloaded.first());
+    place.copied().unwrap_or(0)
+}
+
+/// A group's members in the order in which they were visited without a load.
+fn as_unloaded(stops: &[Stop], group: &Group) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..group.members.len()).collect();
+    order.sort_by_key(|&member| unloaded_stop(stops, group.members[member].0[0], stops.len()));
+    order
 }
 
 /// Between which configurations there is something in the straight way of the unloaded robot.

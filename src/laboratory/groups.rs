@@ -164,18 +164,60 @@ pub(super) fn stand_alike(one: &Experiment, other: &Experiment) -> bool {
 }
 
 /// The groups of experiments of a plan of deflections, by their places: all configurations without a load, then those of each load.
-/// Repeats that are visits are made in rounds.
+/// Where the instrument drifts, those of each load are visited without it just before, so that the times between the readings of deflections
+/// are alike. Repeats that are visits are made in rounds.
 pub(super) fn groups_of_loads(
     belief: &Belief,
     plan: &Plan,
-    places: impl Iterator<Item = usize>,
+    places: &[usize],
     keep_order: bool,
 ) -> Vec<Group> {
-    let mut unloaded: Vec<(Vec<usize>, u32)> = Vec::new();
-    let (mut loaded, mut met) = (Vec::<Group>::new(), Vec::new());
-    for index in places {
+    let loads = by_load(plan, places, keep_order);
+    let is_apart = belief.uncertain.has_drift() && belief.instrument.unloaded == Unloaded::Own;
+    let size = if is_apart { 1 } else { loads.len().max(1) };
+    let groups = loads.chunks(size).flat_map(|loads| {
+        let mut places: Vec<usize> = loads.iter().flat_map(|(_, own)| own.clone()).collect();
+        places.sort_unstable();
+        let loaded = loads.iter().map(|(load, places)| Group {
+            loads: vec![Some(*load)],
+            station: None,
+            is_in_place: false,
+            members: (places.iter())
+                .map(|&index| (vec![index], plan.experiments[index].repeats))
+                .collect(),
+        });
+        let unloaded = unloaded(belief, plan, &places);
+        [unloaded].into_iter().chain(loaded).collect::<Vec<_>>()
+    });
+    if belief.repeats_are_visits() {
+        groups.flat_map(|group| rounds(plan, group)).collect()
+    } else {
+        groups.collect()
+    }
+}
+
+/// The experiments under each load, by their places; under one load after the other, if the order is kept.
+fn by_load(plan: &Plan, places: &[usize], keep_order: bool) -> Vec<(Load, Vec<usize>)> {
+    let (mut all, mut met) = (Vec::<(Load, Vec<usize>)>::new(), Vec::new());
+    for &index in places {
+        let load = first_alike(&mut met, plan.experiments[index].load);
+        let last = all.len().saturating_sub(1);
+        let known = (all.iter_mut().enumerate())
+            .find(|(place, (own, _))| (!keep_order || *place == last) && *own == load);
+        match known {
+            Some((_, (_, places))) => places.push(index),
+            None => all.push((load, vec![index])),
+        }
+    }
+    all
+}
+
+/// The configurations of some experiments without a load.
+fn unloaded(belief: &Belief, plan: &Plan, places: &[usize]) -> Group {
+    let mut members: Vec<(Vec<usize>, u32)> = Vec::new();
+    for &index in places {
         let experiment = &plan.experiments[index];
-        let same = (unloaded.iter_mut())
+        let same = (members.iter_mut())
             .find(|(members, _)| stand_alike(&plan.experiments[members[0]], experiment));
         let needed = match belief.instrument.unloaded {
             // Each measurement has a reading without a load of its own: deflections share no error.
@@ -187,35 +229,14 @@ pub(super) fn groups_of_loads(
                 members.push(index);
                 *readings += needed;
             }
-            None => unloaded.push((vec![index], needed)),
-        }
-        let member = (vec![index], experiment.repeats);
-        let load = Some(first_alike(&mut met, experiment.load));
-        let known = (loaded.iter().enumerate())
-            .filter(|(place, _)| !keep_order || place + 1 == loaded.len())
-            .find(|(_, group)| group.loads[0] == load)
-            .map(|(place, _)| place);
-        match known {
-            Some(place) => loaded[place].members.push(member),
-            None => loaded.push(Group {
-                loads: vec![load],
-                station: None,
-                is_in_place: false,
-                members: vec![member],
-            }),
+            None => members.push((vec![index], needed)),
         }
     }
-    let first = Group {
+    Group {
         loads: vec![None],
         station: None,
         is_in_place: false,
-        members: unloaded,
-    };
-    let all = [first].into_iter().chain(loaded);
-    if belief.repeats_are_visits() {
-        all.flat_map(|group| rounds(plan, group)).collect()
-    } else {
-        all.collect()
+        members,
     }
 }
 

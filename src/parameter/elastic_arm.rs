@@ -168,9 +168,20 @@ impl ElasticArm {
     /// # Errors
     /// One that softens carries more than it can hold.
     pub fn check_held(&self, leanings: &[Leaning]) -> Result<(), EquilibriumError> {
+        self.overloaded(leanings)
+            .map_or(Ok(()), |joint| Err(self.gives_way(joint)))
+    }
+
+    /// The first joint that carries more than it can hold.
+    fn overloaded(&self, leanings: &[Leaning]) -> Option<usize> {
         let mut joints = self.stiffening.iter().zip(leanings);
-        let are_held = joints.all(|(law, leaning)| law.can_hold(leaning.torque_nm));
-        are_held.then_some(()).ok_or(EquilibriumError::Unstable)
+        joints.position(|(law, leaning)| !law.can_hold(leaning.torque_nm))
+    }
+
+    /// That a joint does.
+    pub fn gives_way(&self, joint: usize) -> EquilibriumError {
+        let joint = self.chain.joints[joint].name.clone();
+        EquilibriumError::GivesWay { joint }
     }
 
     /// Whether some joint has a gap, or gives besides its spring.
@@ -229,33 +240,40 @@ impl ElasticArm {
         load: &Load,
         approach: Option<&Approach>,
     ) -> Vec<f64> {
-        let mut offsets = self.zero_rad.clone();
-        for each in &self.gear_waves {
-            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]);
-        }
-        if self.leans() {
-            let leanings = self.leanings(q, &self.tools[tool], load, approach);
-            for (joint, (offset, leaning)) in offsets.iter_mut().zip(&leanings).enumerate() {
-                *offset += self.leans_by(joint, leaning);
-            }
-        }
-        offsets
+        self.offsets_by(q, &self.leanings_of(q, tool, load, approach))
     }
 
     /// The same where each joint can hold what it carries.
     ///
     /// # Errors
-    /// See [`Self::check_held`].
-    pub fn held_offsets_rad(
+    /// The place of one that softens and carries more.
+    pub fn held_offsets_rad(&self, q: &[f64], tool: usize, load: &Load) -> Result<Vec<f64>, usize> {
+        let leanings = self.leanings_of(q, tool, load, None);
+        self.overloaded(&leanings)
+            .map_or_else(|| Ok(self.offsets_by(q, &leanings)), Err)
+    }
+
+    /// How joints lean; nothing where none does.
+    fn leanings_of(
         &self,
         q: &[f64],
         tool: usize,
         load: &Load,
-    ) -> Result<Vec<f64>, EquilibriumError> {
-        if self.leans() {
-            self.check_held(&self.leanings(q, &self.tools[tool], load, None))?;
+        approach: Option<&Approach>,
+    ) -> Vec<Leaning> {
+        let lean = || self.leanings(q, &self.tools[tool], load, approach);
+        self.leans().then(lean).unwrap_or_default()
+    }
+
+    fn offsets_by(&self, q: &[f64], leanings: &[Leaning]) -> Vec<f64> {
+        let mut offsets = self.zero_rad.clone();
+        for each in &self.gear_waves {
+            offsets[each.joint] += each.amplitude_rad * each.wave.at(q[each.joint]);
         }
-        Ok(self.offsets_rad(q, tool, load, None))
+        for (joint, (offset, leaning)) in offsets.iter_mut().zip(leanings).enumerate() {
+            *offset += self.leans_by(joint, leaning);
+        }
+        offsets
     }
 }
 

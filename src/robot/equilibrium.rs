@@ -68,6 +68,12 @@ pub enum EquilibriumError {
     /// MuJoCo cannot calculate the forces.
     #[error("no static equilibrium: {0}")]
     NoForces(String),
+    /// A joint that softens carries more than it can hold.
+    #[error("no static equilibrium: joint {joint:?} softens and cannot hold what it carries")]
+    GivesWay {
+        /// The joint's name.
+        joint: String,
+    },
     /// The equilibrium that was found is unstable: the load overcomes the joints' stiffness.
     #[error("the static equilibrium is unstable: the load outweighs the joints' stiffness")]
     Unstable,

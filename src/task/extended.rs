@@ -377,6 +377,12 @@ impl Extended {
         self.set.parameters().iter().any(|each| is_gap(each.kind))
     }
 
+    /// Whether the instrument drifts between the readings of a deflection.
+    pub fn has_drift(&self) -> bool {
+        let is_drift = |kind| matches!(kind, ParameterKind::Drift { .. });
+        self.set.parameters().iter().any(|each| is_drift(each.kind))
+    }
+
     /// From which distribution an uncertainty was evaluated.
     pub fn distribution(&self, name: &str) -> ErrorDistribution {
         self.distributions.get(name).copied().unwrap_or_default()

@@ -71,13 +71,14 @@ impl KnownPlaces {
                 && !source.is_function()
                 && !matches!(source, ReadingSource::Range(_))
         };
-        let redundant = stored.redundant(&arm);
+        let redundant = stored.redundant(&arm, &of_stations, tools);
         let own = places.iter().filter_map(|&place| kinds[place]);
         let all = own.chain(redundant.iter().map(|each| each.0));
         let with_redundant = ParameterSet::new(&arm, all.map(|kind| (kind, None)))
             .map_err(|error| stored.wrong("left_out", error.to_string()))?;
+        let values = stored.values(&reference)?;
         let shifts = DMatrix::from_fn(places.len(), redundant.len(), |row, column| {
-            redundant[column].1[places[row]]
+            redundant[column].1[places[row]] * values[places[row]].factor
         });
         Ok(Self {
             with_redundant,

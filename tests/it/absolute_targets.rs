@@ -532,3 +532,71 @@ fn loads_hang_on_the_calibration_tool() {
         assert!((one.1 / other.1 - 1.0).abs() < 0.01, "{one:?} {other:?}");
     }
 }
+
+/// Of an arm whose axes are all vertical neither the tool's height nor the base's can be told, and their sum is: a tool that is read itself is
+/// commanded with an accuracy.
+#[test]
+fn a_tool_that_was_read_has_an_accuracy_where_its_height_is_redundant() {
+    const MODEL: &str = r#"<mujoco><compiler angle="degree"/><worldbody><body name="l1" pos="0 0 0.5"><inertial pos="0.2 0 0" mass="12" diaginertia="0.1 0.3 0.3"/>
+<joint name="A1" axis="0 0 1" range="-140 140"/><body name="l2" pos="0.4 0 0"><inertial pos="0.15 0 0" mass="7" diaginertia="0.1 0.2 0.2"/>
+<joint name="A2" axis="0 0 1" range="-145 145"/><body name="l3" pos="0.35 0 0"><inertial pos="0 0 -0.1" mass="3" diaginertia="0.02 0.02 0.01"/>
+<joint name="Z" type="slide" axis="0 0 1" range="-0.3 0.05"/><site name="tool" pos="0.08 0.03 -0.25"/><site name="mill" pos="0.02 0 -0.3"/>
+</body></body></body></worldbody><actuator><position joint="A1" kp="60000"/><position joint="A2" kp="40000"/><position joint="Z" kp="300000"/></actuator></mujoco>"#;
+    const SCENARIO: &str = r#"[robot]
+model = "arm.xml"
+calibration_site = "tool"
+machining_site = "mill"
+parameters = ["A1", "A2", "Z"]
+[instrument]
+sigma_mm = 0.03
+sigma_of = "position"
+[[uncertainty]]
+kind = "joint_zero"
+joints = ["A1", "A2"]
+std_mrad = 0.2
+[[test_pose]]
+q_deg = [30, 50, 0]
+force_n = [0, 20, -20]
+[load]
+kind = "fixed"
+force_n = [40, 0, -40]
+[region]
+[design]
+accuracy = "absolute"
+experiments = 8
+[[station]]
+name = "A"
+position_mm = [2500, -2000, 1200]
+"#;
+    let place = Workplace::of_arm(MODEL, SCENARIO);
+    let mut plan = String::from(
+        "q1_deg,q2_deg,q3_mm,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,target,station\n",
+    );
+    for row in 0..12 {
+        let q = [
+            row * 53 % 200 - 100,
+            row * 71 % 220 - 110,
+            -(row * 37 % 300),
+        ];
+        let force = ["0,0,0", "40,0,-40"][usize::from(row % 2 == 1)];
+        let _ = writeln!(plan, "{},{},{},{force},0,0,0,2,mill,A", q[0], q[1], q[2]);
+    }
+    place.write("plan.csv", plan);
+    place.write(
+        "t.csv",
+        "x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n450,300,100,0,20,-20,0,0,0\n",
+    );
+    let all = "--parameters zeros,compliances --identified-out i.json --quiet";
+    place
+        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
+        .ends_with(0);
+    place.run(&format!("identify arm.toml --measurements m.csv {all}"));
+    let left_out = place.read("i.json");
+    assert!(left_out.contains("\"tool.z\""), "{left_out}");
+    let told = place.json("compensate arm.toml --identified i.json --targets t.csv --frame base");
+    let predicted_mm = told["targets"][0]["predicted_mm"].as_f64();
+    assert!(
+        predicted_mm.is_some_and(|each| (0.01..0.2).contains(&each)),
+        "{told}"
+    );
+}

@@ -183,6 +183,9 @@ fn a_guard_band_decides_what_an_estimate_can() {
             );
             assert!(stderr.contains(says), "{stderr}");
         }
+        let mut same = base.clone();
+        same["gate"] = json!({ "mean_error": { "relative": 0.5 * guard, "guard_band": times } });
+        assert_eq!(compare(&base, &same, "--quiet").code, Some(0));
     }
 }
 

@@ -473,6 +473,97 @@ fn repeats_are_visits_where_something_is_new_at_each() {
     }
 }
 
+/// The minutes between the unloaded and the loaded reading of each row of a laboratory's table, by the stops of its record and the default
+/// costs; joints take no time.
+fn between_readings_min(workplace: &Workplace, folder: &str) -> Vec<f64> {
+    let record = serde_json::from_str::<Value>(&workplace.read(&format!("{folder}/campaign.json")));
+    let record = record.expect("JSON");
+    let (mut now, mut read_at) = (0.0, Vec::new());
+    for stop in record["stops"].as_array().expect("a list") {
+        let reading = 0.5 * stop["readings"].as_f64().expect("a number");
+        let hung = f64::from(u8::from(stop["changes_load"] == true));
+        now += 1.0 + 10.0 * hung + reading;
+        read_at.push(now - 0.5 * reading);
+    }
+    let table = workplace.read(&format!("{folder}/measurements.csv"));
+    let rows = table.lines().filter(|line| !line.starts_with('#')).skip(1);
+    rows.map(|row| {
+        let places: Vec<usize> = (row.split(',').step_by(2).take(2))
+            .map(|place| place.parse().expect("a stop"))
+            .collect();
+        read_at[places[1] - 1] - read_at[places[0] - 1]
+    })
+    .collect()
+}
+
+/// Where the instrument drifts, the times between the readings of deflections are alike, as predictions count them: the configurations of
+/// each load are visited in one order without it and with it. Other times are told.
+#[test]
+fn drifts_are_over_times_that_are_alike() {
+    let workplace = Workplace::new();
+    let rows: Vec<String> = (0..6)
+        .map(|place| {
+            let (q1, q2) = (place * 47 % 100, 20 * (place % 3) - 100);
+            let force = if place % 2 == 0 {
+                "0,0,-2500"
+            } else {
+                "1000,0,0"
+            };
+            format!("{q1},{q2},90,0,30,0,{force},0,0,0,{}\n", 1 + place % 2)
+        })
+        .collect();
+    let of_one_load = rows.iter().step_by(2).cloned().collect::<String>();
+    workplace.write("several.csv", format!("{COLUMNS}{}", rows.concat()));
+    workplace.write("one.csv", format!("{COLUMNS}{of_one_load}"));
+    let list =
+        "kind = \"list\"\nwrenches = [{ force_n = [0, 0, -2500] }, { force_n = [1000, 0, 0] }]";
+    let paper = scenario_text("klimchik2012")
+        .replace("tool_elevation_max_deg = 30\n", "")
+        .replace("kind = \"fixed\"\nforce_n = [0, 0, -2500]", list);
+    let paper = paper + "[laboratory]\naxis_speed_deg_s = 1e6\n";
+    let drift = "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
+    let returns = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n";
+    for (plan, sources, most_min) in [
+        ("one.csv", "", 20.0),
+        ("one.csv", drift, 0.01),
+        ("several.csv", drift, 5.0),
+        ("several.csv", &*format!("{drift}{returns}"), 5.0),
+    ] {
+        workplace.write("s.toml", format!("{paper}{sources}"));
+        let outcome = workplace.run(&format!("lab s.toml --quiet --plan {plan}"));
+        let times = between_readings_min(&workplace, "out/s/lab");
+        let [low, high] =
+            [f64::min, f64::max].map(|end| times.iter().copied().reduce(end).expect("some"));
+        assert!(high - low < most_min, "{plan} {sources}: {times:?}");
+        let counts = outcome.stderr.contains("C0115");
+        // By three measurements of design.experiments, 14.5 min are counted.
+        assert_eq!(
+            counts,
+            !sources.is_empty() && (high > 18.1 || high - low > 3.6),
+            "{times:?} {}",
+            outcome.stderr
+        );
+        assert!(sources.is_empty() || low > 0.0);
+    }
+}
+
+/// Where no approach leads the robot away from the only configuration, its visits are stops at which it does not move, and that is told.
+#[test]
+fn visits_without_a_move_are_told() {
+    let workplace = Workplace::new();
+    let plan = "0,-90,90,0,30,0,0,0,-2500,0,0,0,3\n";
+    workplace.write("plan.csv", format!("{COLUMNS}{plan}"));
+    let returns = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n";
+    for (approach_deg, is_told) in [(0, true), (2, false)] {
+        let laboratory = format!("[laboratory]\napproach_deg = {approach_deg}\n");
+        let text = scenario_text("klimchik2012") + &laboratory + returns;
+        workplace.write("s.toml", text);
+        let outcome = workplace.run("lab s.toml --quiet --plan plan.csv");
+        let told = "C0114: the robot is already there at stop 2, 3, 5, 6";
+        assert_eq!(outcome.stderr.contains(told), is_told, "{}", outcome.stderr);
+    }
+}
+
 /// Where loads are hung in place, each measurement is one move, one load and two readings, and the instrument drifts no longer than a load
 /// takes.
 #[test]
@@ -481,10 +572,12 @@ fn loads_may_be_hung_where_the_robot_stands() {
     let table = "[laboratory]\nloading = \"LOADING\"\nstation_min = 7\nmove_min = 2\nload_change_min = 11\nreading_min = 0.25\n\
                  axis_speed_deg_s = 5\n[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
     let experiments = 7.0;
-    let [returns, in_place] = ["returns", "in_place"].map(|loading| {
+    let [returns, in_place] = [("returns", 3), ("in_place", 0)].map(|(loading, code)| {
         let table = table.replace("LOADING", loading);
         workplace.write("t.toml", workplace.read("s.toml") + &table);
-        let json = workplace.json("lab t.toml --plan plan.csv");
+        let outcome = workplace.run("lab t.toml --plan plan.csv --json --quiet");
+        assert_eq!(outcome.stderr.contains("C0115"), code == 3);
+        let json = outcome.ends_with(code).json();
         let planned = workplace.run("evaluate t.toml --plan plan.csv --no-proof --json --quiet");
         let of_drift = |source: &&Value| source["source"] == "drift";
         let planned = planned.json();

@@ -121,7 +121,7 @@ fn a_joint_that_holds_hardly_more_is_identified() {
         assert!(text.contains(from));
         text.replace(from, to)
     });
-    let place = Workplace::of_arm(ARM, scenario);
+    let place = Workplace::of_arm(ARM, &scenario);
     place.write("plan.csv", PLAN);
     let command = "measure arm.toml --plan plan.csv --run 58 --measurements-out m.csv";
     let stiffening = |all: &Value| {
@@ -137,6 +137,18 @@ fn a_joint_that_holds_hardly_more_is_identified() {
         off.abs() < 4.0 * number(&fitted, "std"),
         "{sampled} {fitted}"
     );
+    // Under a force that it cannot hold there is no command.
+    let identified = "--measurements m.csv --identified-out i.json --quiet";
+    place.run(&format!("identify arm.toml {identified}"));
+    place.write(
+        "arm.toml",
+        scenario.replace("force_n = [0, 0, -500]", "force_n = [0, 0, -4000]"),
+    );
+    let refused = place
+        .run("compensate arm.toml --identified i.json --quiet")
+        .ends_with(1);
+    let told = "joint \"hinge\" softens and cannot hold what it carries";
+    assert!(refused.stderr.contains(told), "{}", refused.stderr);
 }
 
 /// One law: the chain's solver and MuJoCo's forces leave the robot in the same place, and its beginning is what the belief has.

@@ -296,6 +296,10 @@ fn reason(failure: &Unreachable, arm: &ElasticArm) -> String {
             "what {} stands off changes faster with its angle than it turns: no one command leads there",
             arm.chain.joints[*joint].name
         ),
+        Unreachable::GivesWay { joint } => format!(
+            "{} softens and cannot hold what it carries there",
+            arm.chain.joints[*joint].name
+        ),
         Unreachable::TooFar {
             distance_m,
             angle_rad,

@@ -189,21 +189,20 @@ impl<'a> AbsoluteCase<'a> {
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
-        let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
         let (case, fit) = (&found.case, &mut found.fit);
-        let told = found.discrepancy.and_then(|discrepancy| {
-            let far_out = self.part_of(|index| is_rejected[index]);
-            case.discrepancy_model(fit, discrepancy, &far_out)
-        });
-        let known = self.known_components(told.as_ref().map_or([0.0; 2], |told| told.model.rest));
-        let Some(beside) = known.and_then(|known| case.with_known(fit, &known)) else {
-            return told;
-        };
-        // What is left beside the functions may be more than readings were weighed by.
-        if let Some(discrepancy) = &mut found.discrepancy {
-            *discrepancy = [0, 1].map(|part| discrepancy[part].max(beside.model.rest[part]));
+        let rest = || case.rest_beside_functions(fit, found.discrepancy?);
+        if let Some(known) = self.known_components(rest)
+            && let Some(beside) = case.with_known(fit, &known)
+        {
+            // What is left beside the functions may be more than readings were weighed by.
+            if let Some(discrepancy) = &mut found.discrepancy {
+                *discrepancy = [0, 1].map(|part| discrepancy[part].max(beside.model.rest[part]));
+            }
+            return Some(beside);
         }
-        Some(beside)
+        let is_rejected = outliers::rejected_of(self.observations.len(), &found.rejected);
+        let far_out = self.part_of(|index| is_rejected[index]);
+        case.discrepancy_model(fit, found.discrepancy?, &far_out)
     }
 
     /// The readings that no fit begins with.

@@ -20,6 +20,7 @@ mod pattern_rows;
 mod prognoses;
 mod repeat_components;
 mod residuals;
+mod sharing;
 mod sources;
 mod unexplained;
 mod unknowns;

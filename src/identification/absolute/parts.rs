@@ -8,6 +8,7 @@ use super::super::discrepancy::{discrepancy_covariance, three_rows};
 use super::super::fit::Haste;
 use super::mixed::VarianceComponents;
 use super::residuals::LinearReading;
+use super::sharing::new_together;
 use super::{
     AbsoluteCase, AbsoluteFit, DiscrepancyModel, FitResult, IdentificationError, ParameterGroup,
     ReadingWeights,
@@ -78,7 +79,7 @@ impl<'a> AbsoluteCase<'a> {
         let model = all.discrepancy_model.as_ref();
         let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| each.model.rest);
         // What readings share by the planner's model is in their weights already.
-        let known = self.known_components(rest);
+        let known = self.known_components(|| Some(rest));
         let left = match (&known, model) {
             (Some(_), Some(model)) => &model.left,
             _ => &all.left,
@@ -183,6 +184,12 @@ impl PartsOfReadings<'_> {
         let deviations = self.known.functions.iter().map(|each| each.deviation_rad);
         let deviations: Vec<f64> = deviations.collect();
         let deviations = DMatrix::from_diagonal(&deviations.into());
+        let mut visit_of = vec![0; rows.len()];
+        for (visit, readings) in self.case.visits.iter().enumerate() {
+            for &place in readings {
+                visit_of[place] = visit;
+            }
+        }
         let reading = |(number, group): (usize, &SharingReadings)| {
             let places = &group.readings;
             let by = |of: fn(&LinearReading) -> &DMatrix<f64>| {
@@ -201,7 +208,7 @@ impl PartsOfReadings<'_> {
                         .map(|&joint| self.case.arm.chain.joints[joint].in_turn(q[joint]))
                         .collect(),
                 },
-                new: self.new_at(group, &rows),
+                new: self.new_at(group, &rows, &visit_of),
             }
         };
         let count = rows.len();
@@ -219,37 +226,39 @@ impl PartsOfReadings<'_> {
         })
     }
 
-    /// The covariance of what is new at readings that belong together (r x r), one below the other.
-    fn new_at(&self, group: &SharingReadings, rows: &[LinearReading]) -> DMatrix<f64> {
+    /// The covariance of what is new at readings that belong together (r x r), one below the other, with the visit of each reading.
+    fn new_at(
+        &self,
+        group: &SharingReadings,
+        rows: &[LinearReading],
+        visit_of: &[usize],
+    ) -> DMatrix<f64> {
         let rest = discrepancy_covariance(self.known.rest);
-        let are_of_one_visit = |one: &usize, other: &usize| {
-            let visits = &self.case.visits;
-            one == other
-                || (visits.iter()).any(|visit| visit.contains(one) && visit.contains(other))
-        };
-        let each = || group.readings.iter().zip(&group.effects);
-        let size = each().map(|(&place, _)| rows[place].own.nrows()).sum();
-        let mut all = DMatrix::zeros(size, size);
-        let mut row = 0;
-        for (one, effects) in each() {
-            let mut column = 0;
-            for (other, others) in each() {
-                let [from, to] = [one, other].map(|&place| &rows[place]);
-                let counts = (from.own.nrows(), to.own.nrows());
-                let mut block = all.view_mut((row, column), counts);
-                if one == other {
-                    block += &from.own + rest.view((0, 0), counts);
-                } else {
-                    block += (effects * others.transpose()).view((0, 0), counts);
-                }
-                if are_of_one_visit(one, other) {
-                    block += self.known.returns([&from.joints, &to.joints]);
-                }
-                column += counts.1;
-            }
-            row += rows[*one].own.nrows();
-        }
-        all
+        let mut visits: Vec<usize> = group.readings.iter().map(|&each| visit_of[each]).collect();
+        visits.dedup();
+        let each = group.readings.iter().zip(&group.effects);
+        let each = each.map(|(&place, effects)| {
+            let rows = &rows[place];
+            let count = rows.own.nrows();
+            let returns = self.known.returns(&rows.joints);
+            let own =
+                &rows.own + rest.view((0, 0), (count, count)) + &returns * returns.transpose();
+            // What the planner's model says, then how joints return at each visit.
+            let (known, functions) = (effects.ncols(), returns.ncols());
+            let columns = known + visits.len() * functions;
+            let mut effects = effects.rows(0, count).resize_horizontally(columns, 0.0);
+            let number = visits.iter().position(|visit| *visit == visit_of[place]);
+            let first = known + number.unwrap_or(0) * functions;
+            effects.columns_mut(first, functions).copy_from(&returns);
+            (own, effects)
+        });
+        let each: Vec<_> = each.collect();
+        new_together(
+            &each
+                .iter()
+                .map(|(own, effects)| (own, effects))
+                .collect::<Vec<_>>(),
+        )
     }
 
     /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none
@@ -285,11 +294,11 @@ impl PartsOfReadings<'_> {
             if chosen.binary_search(&index).is_err() && self.is_judged(index) {
                 let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
-                let returns = self.known.returns([&rows.joints; 2]).diagonal();
+                let returns = self.known.returns(&rows.joints);
                 let [all, new] = [
                     covariance.diagonal().rows(0, coordinates).sum(),
                     new.diagonal().rows(0, coordinates).sum()
-                        + (returns.rows(0, coordinates)).sum(),
+                        + returns.rows(0, coordinates).norm_squared(),
                 ];
                 squares[0] += all - new;
                 squares[1] += all;

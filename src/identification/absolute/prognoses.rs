@@ -1,13 +1,13 @@
 //! Readings that were not fitted beside what a fit predicts for them.
 
-use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Vector3};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::discrepancy::three_rows;
 use super::joint_errors::LocalRows;
 use super::residuals::LinearReading;
+use super::sharing::StackedRows;
 use super::{AbsoluteCase, DiscrepancyModel, FitResult, ReadingPrognosis};
-use crate::observation::SharingReadings;
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
@@ -55,14 +55,7 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         anew: &ParameterSet,
     ) -> FitResult<Vec<ReadingPrognosis>> {
-        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
-        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
-        let readings = rows.iter().zip(&self.observations);
-        let local: Vec<LocalRows> = readings
-            .map(|(rows, each)| {
-                discrepancy.local(rows, places, each.setup.commanded_rad.as_slice())
-            })
-            .collect();
+        let (rows, local) = self.local_rows(arm, set, places, discrepancy)?;
         let each = local.iter();
         let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = each
             .map(|local| {
@@ -72,7 +65,10 @@ impl AbsoluteCase<'_> {
             .collect();
         if !anew.is_empty() {
             let frames = self.rows_at(arm, anew, anew.prior().mean.as_slice(), &[])?;
-            take_out(&frames, &local, &discrepancy.covariance, &mut found);
+            let groups = self.errors_together(discrepancy, &rows).into_iter();
+            let groups = groups.map(|group| StackedRows::of(&group, &local, &frames));
+            let groups: Vec<StackedRows> = groups.collect();
+            take_out(anew.len(), &groups, &discrepancy.covariance, &mut found);
         }
         let readings = found.iter().zip(&self.observations);
         Ok(readings
@@ -147,8 +143,7 @@ impl AbsoluteCase<'_> {
         discrepancy: &DiscrepancyModel,
         station: usize,
     ) -> FitResult<Option<MovedStation>> {
-        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
-        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
+        let (rows, local) = self.local_rows(arm, set, places, discrepancy)?;
         let kinds = self.base_kinds(station).into_iter();
         let Ok(base) = ParameterSet::new(arm, kinds.map(|kind| (kind, None))) else {
             return Ok(None);
@@ -161,45 +156,29 @@ impl AbsoluteCase<'_> {
         let mut gradient = DVector::zeros(own + size);
         let (mut read, mut average) = (Vec::new(), 0.0);
         for mut group in self.errors_together(discrepancy, &rows) {
-            let commanded = |place: usize| &self.observations[place].setup;
             let counts = |&(place, _): &(usize, _)| {
-                let setup = commanded(place);
+                let setup = &self.observations[place].setup;
                 setup.station == station && discrepancy.reaches(setup.commanded_rad.as_slice())
             };
             group.retain(counts);
-            let local = group.iter().map(|&(place, _)| {
-                let q = commanded(place).commanded_rad.as_slice();
-                discrepancy.local(&rows[place], places, q)
-            });
-            let local: Vec<LocalRows> = local.collect();
-            let Some(factor) = Cholesky::new(new_together(&local, &group)) else {
+            if group.is_empty() {
+                continue;
+            }
+            let stacked = StackedRows::of(&group, &local, &frames);
+            let Some(factor) = Cholesky::new(stacked.new) else {
                 continue;
             };
-            // The frame's own parameters, then those known ones that move any.
-            let mut index: Vec<usize> =
-                (local.iter().flat_map(|each| each.index.clone())).collect();
-            index.sort_unstable();
-            index.dedup();
-            let mut matrix = DMatrix::zeros(factor.l_dirty().nrows(), own + index.len());
-            let mut left = DVector::zeros(matrix.nrows());
-            let mut row = 0;
-            for (local, &(place, _)) in local.iter().zip(&group) {
-                let (frame, count) = (&frames[place], local.left.len());
-                read.push(frame);
-                average += three_rows(&local.new.diagonal(), 0).sum() / count.min(3) as f64;
-                left.rows_mut(row, count).copy_from(&local.left);
-                let mut here = matrix.rows_mut(row, count);
-                here.columns_mut(0, own).copy_from(&frame.columns);
-                for (column, known) in local.matrix.column_iter().zip(&local.index) {
-                    let at = index.binary_search(known).unwrap_or_default();
-                    let mut sum = here.column_mut(own + at);
-                    sum += column;
-                }
-                row += count;
+            for &place in &stacked.readings {
+                let new = local[place].new.diagonal();
+                read.push(&frames[place]);
+                average += three_rows(&new, 0).sum() / new.len().min(3) as f64;
             }
-            let weighed = factor.solve(&matrix);
-            let (among, pull) = (weighed.tr_mul(&matrix), weighed.tr_mul(&left));
-            let index = (0..own).chain(index.into_iter().map(|place| own + place));
+            let weighed = factor.solve(&stacked.columns);
+            let among = weighed.tr_mul(&stacked.columns);
+            let pull = weighed.tr_mul(&stacked.left);
+            // The frame's own parameters, then those known ones that move any.
+            let known = stacked.index.into_iter().map(|place| own + place);
+            let index = (0..own).chain(known);
             for (row, to) in index.clone().enumerate() {
                 gradient[to] += pull[row];
                 for (column, from) in index.clone().enumerate() {
@@ -239,94 +218,55 @@ impl AbsoluteCase<'_> {
         }))
     }
 
-    /// Which readings share errors, each with how one standard deviation of each effect moves it: as the planner's model says, or those of a
-    /// visit all that is new there.
-    fn errors_together(
+    /// The rows of all readings, and what a discrepancy's model says of each.
+    fn local_rows(
         &self,
+        arm: &ElasticArm,
+        set: &ParameterSet,
+        places: &[usize],
         discrepancy: &DiscrepancyModel,
-        rows: &[LinearReading],
-    ) -> Vec<Vec<(usize, DMatrix<f64>)>> {
-        if let Some(shared) = self.shared.as_ref().filter(|_| self.is_sharing_known) {
-            let group = |group: &SharingReadings| {
-                let each = group.readings.iter().zip(&group.effects);
-                let effects = |(&place, effects): (&usize, &Matrix6xX<f64>)| {
-                    let count = rows[place].residual.len();
-                    (place, effects.rows(0, count).into_owned())
-                };
-                each.map(effects).collect()
-            };
-            return shared.groups.iter().map(group).collect();
-        }
-        let of_reading = |&place: &usize| {
-            let (joints, count) = (&rows[place].joints, rows[place].residual.len());
-            let mut effects = DMatrix::zeros(count, 6 + joints.ncols());
-            for row in 0..count {
-                effects[(row, row)] = discrepancy.rest[row / 3];
-            }
-            for (number, joint) in discrepancy.joints.iter().enumerate() {
-                let moved = joints.column(number) * joint.repeatability;
-                effects.set_column(6 + number, &moved);
-            }
-            (place, effects)
-        };
-        let visits = self.visits.iter();
-        visits
-            .map(|visit| visit.iter().map(of_reading).collect())
-            .collect()
+    ) -> FitResult<(Vec<LinearReading>, Vec<LocalRows>)> {
+        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
+        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
+        let readings = rows.iter().zip(&self.observations);
+        let local = readings.map(|(rows, each)| {
+            discrepancy.local(rows, places, each.setup.commanded_rad.as_slice())
+        });
+        let local = local.collect();
+        Ok((rows, local))
     }
 }
 
-/// The covariance of what is new at readings that share errors, one below the other: each has its own part of these in its own.
-fn new_together(local: &[LocalRows], group: &[(usize, DMatrix<f64>)]) -> DMatrix<f64> {
-    let size = local.iter().map(|local| local.left.len()).sum();
-    let mut all = DMatrix::zeros(size, size);
-    let mut row = 0;
-    for (one, (local_one, (_, effects))) in local.iter().zip(group).enumerate() {
-        let mut column = 0;
-        for (other, (local_other, (_, others))) in local.iter().zip(group).enumerate() {
-            let counts = (local_one.left.len(), local_other.left.len());
-            let block = if one == other {
-                local_one.new.clone()
-            } else {
-                effects * others.transpose()
-            };
-            all.view_mut((row, column), counts).copy_from(&block);
-            column += counts.1;
-        }
-        row += local_one.left.len();
-    }
-    all
-}
-
-/// Takes the frames that suit them best out of what readings leave, r, and out of its covariance V = B C B^T + N, with what is known C, and
-/// N new in each:
+/// Takes the frames (f parameters) that suit them best out of what readings leave, r, and out of its covariance, where those that share
+/// errors have V = B C B^T + N together, with what is known C, and N new in them:
 ///
 /// ```text
 /// x = M^-1 sum F^T V^-1 r,   M = sum F^T V^-1 F,   G = M^-1 sum F^T V^-1 B
 /// r - F x = (B - F G) d + n - F M^-1 sum F^T V^-1 n
 /// ```
 fn take_out(
-    frames: &[LinearReading],
-    local: &[LocalRows],
+    own: usize,
+    groups: &[StackedRows],
     known: &DMatrix<f64>,
     found: &mut [(DVector<f64>, DMatrix<f64>)],
 ) {
-    let own = frames.first().map_or(0, |rows| rows.columns.ncols());
     let [mut information, mut of_new] = [(); 2].map(|()| DMatrix::<f64>::zeros(own, own));
     let mut gradient = DVector::zeros(own);
     let mut of_known = DMatrix::zeros(own, known.nrows());
     let mut weighed = Vec::new();
-    for ((frame, local), (left, covariance)) in frames.iter().zip(local).zip(&*found) {
-        let factor = Cholesky::new(covariance.clone());
-        let each = factor.map_or_else(
-            || DMatrix::zeros(left.len(), own),
-            |factor| factor.solve(&frame.columns),
+    for group in groups {
+        let (frames, matrix) = group.columns.columns_range_pair(..own, own..);
+        let among = known.select_rows(&group.index).select_columns(&group.index);
+        let covariance = &group.new + matrix * among * matrix.transpose();
+        let each = Cholesky::new(covariance).map_or_else(
+            || DMatrix::zeros(group.left.len(), own),
+            |factor| factor.solve(&frames),
         );
-        information += each.tr_mul(&frame.columns);
-        gradient += each.tr_mul(left);
-        of_new += each.tr_mul(&local.new) * &each;
-        let pulled = each.tr_mul(&local.matrix);
-        for (column, &place) in pulled.column_iter().zip(&local.index) {
+        information += each.tr_mul(&frames);
+        gradient += each.tr_mul(&group.left);
+        of_new += each.tr_mul(&group.new) * &each;
+        let pulled = each.tr_mul(&matrix);
+        for (column, &place) in pulled.column_iter().zip(&group.index) {
             let mut sum = of_known.column_mut(place);
             sum += column;
         }
@@ -340,16 +280,22 @@ fn take_out(
     let gain = &inverse * of_known;
     let moved = &gain * known;
     let spread = &moved * gain.transpose() + &inverse * of_new * &inverse;
-    let each = frames.iter().zip(local).zip(&weighed).zip(found);
-    for (((frame, local), weighed), (left, covariance)) in each {
-        let columns = &frame.columns;
-        *left -= columns * &change;
-        let with_known = moved.select_columns(&local.index) * local.matrix.transpose();
-        let with_new = &inverse * weighed.tr_mul(&local.new);
-        let common = columns * (with_known + with_new);
-        let rounding = DMatrix::from_diagonal(&(covariance.diagonal() * TAKEN_UP));
-        *covariance +=
-            rounding + columns * &spread * columns.transpose() - &common - common.transpose();
+    for (group, weighed) in groups.iter().zip(&weighed) {
+        let (frames, matrix) = group.columns.columns_range_pair(..own, own..);
+        let with_known = moved.select_columns(&group.index) * matrix.transpose();
+        let with_new = &inverse * weighed.tr_mul(&group.new);
+        let common = with_known + with_new;
+        let mut row = 0;
+        for &place in &group.readings {
+            let (left, covariance) = &mut found[place];
+            let columns = frames.rows(row, left.len());
+            *left -= columns * &change;
+            let common = columns * common.columns(row, left.len());
+            let rounding = DMatrix::from_diagonal(&(covariance.diagonal() * TAKEN_UP));
+            *covariance +=
+                rounding + columns * &spread * columns.transpose() - &common - common.transpose();
+            row += left.len();
+        }
     }
 }
 
@@ -364,7 +310,8 @@ mod tests {
     /// Residuals and covariances without the frames that suit them best are those of the projection of all readings at once.
     #[test]
     fn covariances_are_those_of_the_projection() {
-        const READINGS: usize = 5;
+        const READINGS: usize = 6;
+        const TOGETHER: usize = 2;
         const KNOWN: usize = 4;
         const FRAME: usize = 6;
         let mut random = generator(3, 0);
@@ -372,7 +319,7 @@ mod tests {
             |rows, columns| DMatrix::from_fn(rows, columns, |_, _| random.random_range(-1.0..1.0));
         let square = |root: DMatrix<f64>| &root * root.transpose();
         let known = square(matrix(KNOWN, KNOWN));
-        let (mut frames, mut local) = (Vec::new(), Vec::new());
+        let (mut frames, mut local, mut effects) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..READINGS {
             frames.push(LinearReading {
                 residual: DVector::zeros(3),
@@ -380,12 +327,14 @@ mod tests {
                 joints: DMatrix::zeros(3, 0),
                 own: DMatrix::zeros(3, 3),
             });
+            let shared = matrix(3, 2);
             local.push(LocalRows {
                 index: (0..KNOWN).collect(),
                 matrix: matrix(3, KNOWN),
                 left: matrix(3, 1).column(0).into_owned(),
-                new: square(matrix(3, 3)) + DMatrix::identity(3, 3) * 0.1,
+                new: square(shared.clone()) + DMatrix::identity(3, 3) * 0.1,
             });
+            effects.push(shared);
         }
         let size = 3 * READINGS;
         let (mut all, mut weights) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
@@ -396,20 +345,35 @@ mod tests {
             of_known.rows_mut(3 * place, 3).copy_from(&local.matrix);
             of_frame.rows_mut(3 * place, 3).copy_from(&frame.columns);
             left.rows_mut(3 * place, 3).copy_from(&local.left);
-            all.view_mut((3 * place, 3 * place), (3, 3))
-                .copy_from(&local.new);
+            for (other, others) in effects.iter().enumerate() {
+                let new = if other == place {
+                    local.new.clone()
+                } else if other / TOGETHER == place / TOGETHER {
+                    &effects[place] * others.transpose()
+                } else {
+                    continue;
+                };
+                all.view_mut((3 * place, 3 * other), (3, 3)).copy_from(&new);
+            }
         }
         all += &of_known * &known * of_known.transpose();
-        let mut found = Vec::new();
-        for (place, local) in local.iter().enumerate() {
-            let own = all.view((3 * place, 3 * place), (3, 3)).into_owned();
-            let inverse = own.clone().try_inverse().expect("regular");
+        let own = |place: usize| all.view((3 * place, 3 * place), (3, 3)).into_owned();
+        let found = local.iter().enumerate();
+        let mut found: Vec<_> = found
+            .map(|(place, local)| (local.left.clone(), own(place)))
+            .collect();
+        let mut groups = Vec::new();
+        for first in (0..READINGS).step_by(TOGETHER) {
+            let (at, count) = (3 * first, 3 * TOGETHER);
+            let together = all.view((at, at), (count, count)).into_owned();
+            let inverse = together.try_inverse().expect("regular");
             weights
-                .view_mut((3 * place, 3 * place), (3, 3))
+                .view_mut((at, at), (count, count))
                 .copy_from(&inverse);
-            found.push((local.left.clone(), own));
+            let group = (first..first + TOGETHER).map(|place| (place, effects[place].clone()));
+            groups.push(StackedRows::of(&group.collect(), &local, &frames));
         }
-        take_out(&frames, &local, &known, &mut found);
+        take_out(FRAME, &groups, &known, &mut found);
         let information = of_frame.tr_mul(&weights) * &of_frame;
         let solved = information.try_inverse().expect("regular") * of_frame.tr_mul(&weights);
         let projection = DMatrix::identity(size, size) - &of_frame * solved;

@@ -59,18 +59,35 @@ impl AbsoluteCase<'_> {
     }
 
     /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that
-    /// and `rest` where it does not; none where it has no functions, or weighs readings by them already.
-    pub(super) fn known_components(&self, rest: [f64; 2]) -> Option<VarianceComponents> {
+    /// and `rest`, or nothing, where it does not; none where it has no functions, or weighs readings by them already.
+    pub(super) fn known_components(
+        &self,
+        rest: impl FnOnce() -> Option<[f64; 2]>,
+    ) -> Option<VarianceComponents> {
         let uncertain = Some(&self.belief.uncertain)
             .filter(|_| self.uses_joint_errors && !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);
         let load = loads.find(|load| *load != Load::NONE).unwrap_or(Load::NONE);
-        (!functions.is_empty()).then(|| VarianceComponents {
-            functions,
-            rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
+        (!functions.is_empty()).then(|| {
+            let rest = rest().unwrap_or_default();
+            VarianceComponents {
+                functions,
+                rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
+            }
         })
+    }
+
+    /// What is new at each visit besides the likeliest joint error functions, of a fit that leaves such a discrepancy (m, rad); none where
+    /// there is too little to tell.
+    pub(super) fn rest_beside_functions(
+        &self,
+        fit: &ParameterFit,
+        discrepancy: [f64; 2],
+    ) -> Option<[f64; 2]> {
+        let (_, mixed) = self.mixed(fit, discrepancy)?;
+        mixed.rest()
     }
 
     /// The likeliest parameters, near a fit of them, together with functions and sizes that are known, and what these say of what they leave.

@@ -116,8 +116,20 @@ impl StoredRobot {
         stations: &[Option<usize>],
         tools: &[Option<usize>],
     ) -> Vec<Option<ParameterKind>> {
+        let named = self.kind_of_names(arm, stations, tools);
+        let unknowns = self.message.unknowns.iter();
+        unknowns.map(|each| named(&each.name)).collect()
+    }
+
+    /// The parameter of an arm that a name of the file means, in the same way.
+    fn kind_of_names(
+        &self,
+        arm: &ElasticArm,
+        stations: &[Option<usize>],
+        tools: &[Option<usize>],
+    ) -> impl Fn(&str) -> Option<ParameterKind> {
         let all = ParameterKind::of_robot(arm);
-        let kind = |name: &str| {
+        move |name: &str| {
             let (owner, last) = name.rsplit_once('.').unwrap_or(("", name));
             let (turn, word) = (last.strip_prefix('r')).map_or((0, last), |word| (1, word));
             let one = |kinds: [[ParameterKind; 3]; 2]| {
@@ -132,9 +144,7 @@ impl StoredRobot {
                 return one(ParameterKind::of_tool((*tools.get(place)?)?));
             }
             ParameterKind::named(name, &all, arm)
-        };
-        let unknowns = self.message.unknowns.iter();
-        unknowns.map(|each| kind(&each.name)).collect()
+        }
     }
 
     /// The values of the unknowns as an arm's parameters have them, with their kinds, none of frames, and by how much they change with the
@@ -188,12 +198,18 @@ impl StoredRobot {
         Ok(set.apply(arm, &values))
     }
 
-    /// What was left out as redundant with other unknowns: each with by how much these, in their order, change for one unit of it.
-    pub fn redundant(&self, arm: &ElasticArm) -> Vec<(ParameterKind, &[f64])> {
-        let all = ParameterKind::of_robot(arm);
+    /// What was left out as redundant with other unknowns: each with by how much these, in their order, change for one unit of it. Stations
+    /// and targets as in [`kinds`](Self::kinds).
+    pub fn redundant(
+        &self,
+        arm: &ElasticArm,
+        stations: &[Option<usize>],
+        tools: &[Option<usize>],
+    ) -> Vec<(ParameterKind, &[f64])> {
+        let named = self.kind_of_names(arm, stations, tools);
         let left_out = self.message.left_out.iter();
         let found = left_out.filter_map(|each| {
-            let kind = ParameterKind::named(&each.name, &all, arm)?;
+            let kind = named(&each.name)?;
             (each.shift.len() == self.message.unknowns.len())
                 .then_some((kind, each.shift.as_slice()))
         });

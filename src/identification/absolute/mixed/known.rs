@@ -42,12 +42,11 @@ pub struct ComponentIntervals {
 }
 
 impl VarianceComponents {
-    /// The covariance of how joints return at a visit between the rows of two of its readings, which these errors move (r x f each).
-    pub fn returns(&self, [one, other]: [&DMatrix<f64>; 2]) -> DMatrix<f64> {
-        let squares = self.functions.iter();
-        let squares = squares.map(|each| each.repeatability_rad.powi(2));
-        let squares = DVector::from_iterator(self.functions.len(), squares);
-        one * DMatrix::from_diagonal(&squares) * other.transpose()
+    /// How one standard deviation of each joint's return at a visit moves the rows of a reading (r x f), which joints move so.
+    pub fn returns(&self, joints: &DMatrix<f64>) -> DMatrix<f64> {
+        let deviations = self.functions.iter().map(|each| each.repeatability_rad);
+        let deviations = DVector::from_iterator(self.functions.len(), deviations);
+        joints * DMatrix::from_diagonal(&deviations)
     }
 
     /// The joints that have functions.
@@ -97,8 +96,13 @@ impl MixedModel {
                 next.all[place] = found.all[place].max(least.all[place]);
             }
         };
-        let (variances, solved, numbers) =
-            self.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
+        let some = self.sampled();
+        let sample = some.as_ref().unwrap_or(self);
+        let (variances, mut solved, numbers) =
+            sample.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
+        if some.is_some() {
+            solved = self.solved(&variances)?;
+        }
         let told: f64 = (places.iter().step_by(2))
             .map(|&place| numbers[place])
             .sum();

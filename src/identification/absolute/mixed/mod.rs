@@ -223,6 +223,13 @@ impl MixedModel {
         model
     }
 
+    /// The same of those visits that variances follow from, where these are not all.
+    fn sampled(&self) -> Option<Self> {
+        let count = self.visits.len();
+        let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
+        (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in))
+    }
+
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
         let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
@@ -287,9 +294,7 @@ impl MixedModel {
     /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
     fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
         let mut variances = self.first();
-        let count = self.visits.len();
-        let is_in = |number: usize| number * VISITS_OF_VARIANCES % count < VISITS_OF_VARIANCES;
-        let some = (count > VISITS_OF_VARIANCES).then(|| self.of_visits(is_in));
+        let some = self.sampled();
         let sample = some.as_ref().unwrap_or(self);
         let most = if self.waving.is_empty() {
             Vec::new()

@@ -46,8 +46,6 @@ impl MixedModel {
         let knots = solved.mean.len() - fixed;
         let units = stack![self.units, 0; 0, DMatrix::identity(knots, knots)];
         let joints = variances.process.iter().enumerate();
-        let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
-        let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
         DiscrepancyModel {
             joints: joints
                 .map(|(joint, process)| JointError {
@@ -63,14 +61,26 @@ impl MixedModel {
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
             covariance: &units * &solved.covariance * units.transpose(),
-            rest: [0, 1].map(|part| {
-                let is_read = part == 0 || has_rotations;
-                let variance = variances.of_unread(part) + self.within[part];
-                if is_read { variance.sqrt() } else { 0.0 }
-            }),
+            rest: self.rest_by(variances),
             scale: [1.0; 2],
             mean_scale: [1.0; 2],
         }
+    }
+
+    /// The standard deviations of what is new where no reading is, of positions (m) and rotations (rad), by the likeliest variances.
+    pub fn rest(&self) -> Option<[f64; 2]> {
+        let (variances, _) = self.likeliest()?;
+        Some(self.rest_by(&variances))
+    }
+
+    fn rest_by(&self, variances: &MixedVariances) -> [f64; 2] {
+        let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
+        let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
+        [0, 1].map(|part| {
+            let is_read = part == 0 || has_rotations;
+            let variance = variances.of_unread(part) + self.within[part];
+            if is_read { variance.sqrt() } else { 0.0 }
+        })
     }
 
     /// The squares of position and rotation of each reading over their covariance, predicted by poses that its own was not among, variances
