@@ -256,8 +256,7 @@ impl<'a> ObservationModel<'a> {
         }));
         let columns = derivatives.column_iter_mut().zip(turned.column_iter());
         for ((mut column, turned), parameter) in columns.zip(self.set.parameters()) {
-            use ParameterKind::{LoadOffset, LoadScale};
-            if matches!(parameter.kind, LoadScale | LoadOffset) {
+            if parameter.kind.is_of_readings_loads() {
                 continue;
             }
             let omega = turned.fixed_rows::<3>(3).into_owned();

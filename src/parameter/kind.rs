@@ -517,6 +517,11 @@ impl ParameterKind {
         }
     }
 
+    /// Whether it changes the loads that readings are taken under: those of the task are not the load cell's.
+    pub const fn is_of_readings_loads(self) -> bool {
+        matches!(self, Self::LoadScale | Self::LoadOffset)
+    }
+
     /// Whether it is the place of what users mount and set up: of a tool or of the base.
     pub const fn is_mounted(self) -> bool {
         matches!(self.owner(), Owner::Tool(_) | Owner::Station(_))

@@ -1,6 +1,7 @@
 //! Parameters, ordered sets of them, and beliefs made from vectors of their values.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::allocator::Allocator;
+use nalgebra::{DMatrix, DVector, DefaultAllocator, Dim, Dyn, OMatrix};
 use thiserror::Error;
 
 use super::frames::{Displacements, FrameChange};
@@ -329,6 +330,18 @@ impl ParameterSet {
     /// The typical sizes (p).
     pub fn scales(&self) -> DVector<f64> {
         DVector::from_iterator(self.len(), self.parameters.iter().map(|each| each.scale))
+    }
+
+    /// How a place follows the parameters (r x p) under a load of the task: what changes the loads of readings has no part in that.
+    pub fn under_loads_of_task<R: Dim>(&self, by: &mut OMatrix<f64, R, Dyn>)
+    where
+        DefaultAllocator: Allocator<R, Dyn>,
+    {
+        for (mut column, parameter) in by.column_iter_mut().zip(&self.parameters) {
+            if parameter.kind.is_of_readings_loads() {
+                column.fill(0.0);
+            }
+        }
     }
 
     /// A vector that is told in typical sizes, in the parameters' units (p).

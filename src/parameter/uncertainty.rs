@@ -317,6 +317,14 @@ impl ReadingSource {
         }
     }
 
+    /// Whether variance components of residuals and repeats are of such errors.
+    pub const fn is_found_from_residuals(&self) -> bool {
+        matches!(
+            self,
+            Self::JointRepeatability(_) | Self::TransmissionError(_) | Self::Discrepancy(_)
+        )
+    }
+
     /// Whether the two readings that make a deflection have half of its variance each.
     pub const fn is_of_both_readings(&self) -> bool {
         matches!(self, Self::JointRepeatability(_) | Self::Range(_))

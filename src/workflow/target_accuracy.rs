@@ -61,7 +61,9 @@ impl KnownPlaces {
         reference.instrument_from_base = frames.chain([Isometry3::identity()]).collect();
         let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
         let kinds = stored.kinds(&reference, &of_stations, tools);
-        let arm = stored.apply(&reference)?;
+        let mut arm = stored.apply(&reference)?;
+        // What scales the loads of the readings is not the task's.
+        (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
         let (set, posterior) = known(stored, (&arm, belief), &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
         let places: Vec<usize> = (0..kinds.len()).filter(is_own).collect();
@@ -166,6 +168,7 @@ impl KnownPlaces {
         (ObservationModel::new(all, &self.arm, all.prior().mean.as_slice()))
             .predict(&setup, ReadingKind::Position, &mut by)
             .map_err(|error| (0, error))?;
+        all.under_loads_of_task(&mut by);
         let alone = by.view((0, own), (3, all.len() - own));
         let together = by.view((0, 0), (3, own)) * &self.shifts + alone;
         let sizes = all.scales();

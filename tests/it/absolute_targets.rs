@@ -559,7 +559,7 @@ q_deg = [30, 50, 0]
 force_n = [0, 20, -20]
 [load]
 kind = "fixed"
-force_n = [40, 0, -40]
+force_n = [400, 0, -400]
 [region]
 [design]
 accuracy = "absolute"
@@ -578,7 +578,7 @@ position_mm = [2500, -2000, 1200]
             row * 71 % 220 - 110,
             -(row * 37 % 300),
         ];
-        let force = ["0,0,0", "40,0,-40"][usize::from(row % 2 == 1)];
+        let force = ["0,0,0", "400,0,-400"][usize::from(row % 2 == 1)];
         let _ = writeln!(plan, "{},{},{},{force},0,0,0,2,mill,A", q[0], q[1], q[2]);
     }
     place.write("plan.csv", plan);
@@ -593,10 +593,26 @@ position_mm = [2500, -2000, 1200]
     place.run(&format!("identify arm.toml --measurements m.csv {all}"));
     let left_out = place.read("i.json");
     assert!(left_out.contains("\"tool.z\""), "{left_out}");
-    let told = place.json("compensate arm.toml --identified i.json --targets t.csv --frame base");
-    let predicted_mm = told["targets"][0]["predicted_mm"].as_f64();
-    assert!(
-        predicted_mm.is_some_and(|each| (0.01..0.2).contains(&each)),
-        "{told}"
-    );
+    let predicted_mm = |targets: &str| {
+        let command =
+            format!("compensate arm.toml --identified i.json --targets {targets} --frame base");
+        let told = place.json(&command);
+        told["targets"][0]["predicted_mm"]
+            .as_f64()
+            .expect("a number")
+    };
+    let read_itself_mm = predicted_mm("t.csv");
+    assert!((0.01..0.2).contains(&read_itself_mm), "{read_itself_mm}");
+    // Compliances are known no better than the load cell, and a target's load bends the arm by them: 6 mm.
+    let heavy = place.read("t.csv").replace("0,20,-20", "0,1000,0");
+    place.write("heavy.csv", heavy);
+    let known_mm = predicted_mm("heavy.csv");
+    let cell = "[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.1\n";
+    place.write("arm.toml", format!("{SCENARIO}{cell}"));
+    place
+        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
+        .ends_with(0);
+    place.run(&format!("identify arm.toml --measurements m.csv {all}"));
+    let by_cell_mm = predicted_mm("heavy.csv");
+    assert!(by_cell_mm > 3.0 * known_mm, "{by_cell_mm} {known_mm}");
 }

@@ -520,7 +520,7 @@ fn drifts_are_over_times_that_are_alike() {
     let paper = scenario_text("klimchik2012")
         .replace("tool_elevation_max_deg = 30\n", "")
         .replace("kind = \"fixed\"\nforce_n = [0, 0, -2500]", list);
-    let paper = paper + "[laboratory]\naxis_speed_deg_s = 1e6\n";
+    let paper = paper + "[laboratory]\naxis_speed_deg_s = 1e4\n";
     let drift = "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
     let returns = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n";
     for (plan, sources, most_min) in [

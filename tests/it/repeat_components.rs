@@ -129,6 +129,16 @@ fn repeats_become_error_sources() {
     let told = format!("{:.3e}", visit_rad * std::f64::consts::SQRT_2 * 1e3);
     let told = format!("std_mrad = {}", told.parse::<f64>().expect("a number"));
     assert!(tables.contains(&told), "{told}: {tables}");
+    // What a scenario lists already would count twice beside them.
+    assert!(!tables.contains("In place of"), "{tables}");
+    let listed = "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n";
+    let scenario = place.read("s.toml");
+    place.write("s.toml", format!("{scenario}{listed}"));
+    place.run(&format!("{identify} --quiet"));
+    let told = "# In place of what the scenario lists, not beside it: joint_repeatability.";
+    let tables = place.read("u.toml");
+    assert!(tables.contains(told), "{tables}");
+    place.write("s.toml", scenario);
     // Few numbers: all joints have one variance.
     place.write("m.csv", absolute_table(&6.into(), &visits(61, 4, 2, 1)));
     let few = place.run(&format!("{identify} --json --quiet")).json();

@@ -120,7 +120,14 @@ fn write_uncertainties(
     let joints = &identified.case.arm.chain.joints;
     let tables = uncertainty_tables(components.as_ref(), repeats, joints)
         .map_err(|error| FileError::new(path, error.to_string()))?;
-    let text = format!("# Variance components of {}.\n\n{tables}", file.display());
+    let sources = identified.case.belief.uncertain.sources();
+    let found_anew = sources.filter(|(_, source)| source.is_found_from_residuals());
+    let replaced = naming(
+        found_anew.map(|(name, _)| name),
+        "# In place of what the scenario lists, not beside it: {}.\n",
+    );
+    let of = file.display();
+    let text = format!("# Variance components of {of}.\n{replaced}\n{tables}");
     write_whole(path, text.as_bytes())
 }
 

@@ -317,6 +317,7 @@ impl DiscrepancyModel {
         let mean = all.prior().mean.as_slice();
         (ObservationModel::new(&all, arm, mean).predict(setup, ReadingKind::Position, &mut by))
             .map_err(|error| (0, error))?;
+        all.under_loads_of_task(&mut by);
         let rows = LinearReading {
             residual: DVector::zeros(3),
             columns: by.view((0, 0), (3, set.len())).into_owned(),

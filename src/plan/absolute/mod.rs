@@ -521,13 +521,7 @@ fn place_rows(
                 let mut place = rows.rows_mut(3 * index, 3);
                 place += turning_load_rows(set, &case.arm, mean, &setups[index]);
             }
-            for (mut column, parameter) in rows.column_iter_mut().zip(set.parameters()) {
-                use ParameterKind::{LoadOffset, LoadScale};
-                // What scales the loads of the readings is not the task's.
-                if matches!(parameter.kind, LoadScale | LoadOffset) {
-                    column.fill(0.0);
-                }
-            }
+            set.under_loads_of_task(&mut rows);
             (station, rows)
         })
         .collect();

@@ -143,9 +143,10 @@ impl MixedModel {
             in_blocks(&all)
         };
         let rows: Vec<_> = (self.visits.iter())
-            .flat_map(|visit| visit.fixed.row_iter())
+            .flat_map(|visit| visit.dense.row_iter())
             .collect();
-        let fixed = DMatrix::from_rows(&rows);
+        let all = DMatrix::from_rows(&rows);
+        let fixed = all.columns(0, self.units.ncols()).into_owned();
         let residual = self.visits.iter().flat_map(|visit| &visit.residual);
         let residual = DVector::from_iterator(rows.len(), residual.copied());
         // How V changes with each logarithm, that of a variance and then that of a length: of what is new at a visit or a pose in

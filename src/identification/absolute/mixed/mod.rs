@@ -70,12 +70,10 @@ const FEWEST_AGAIN: usize = 5;
 pub(super) struct PoseReadings {
     /// Read less predicted (m).
     residual: DVector<f64>,
-    /// Derivatives by what is determined of the parameters (m x r).
-    fixed: DMatrix<f64>,
+    /// Derivatives by what is determined of the parameters, then by waves of those joints' errors that have them (m x (r + w)).
+    dense: DMatrix<f64>,
     /// Derivatives by each joint's angle (m x k).
     joints: DMatrix<f64>,
-    /// The same by waves of those joints' errors that have them (m x w).
-    waves: DMatrix<f64>,
     /// The readings' own covariance.
     own: DMatrix<f64>,
     /// Which coordinate each row is, from 0 to 5.
@@ -187,9 +185,8 @@ impl MixedModel {
             let angle = |&joint: &usize| joints[joint].in_turn(setup.commanded_rad[joint]);
             PoseReadings {
                 residual: rows.residual.clone(),
-                fixed: &rows.columns * &self.units,
+                dense: &rows.columns * &self.units,
                 joints: rows.joints.clone(),
-                waves: DMatrix::zeros(count, 0),
                 own: &rows.own
                     + DMatrix::from_diagonal(&DVector::from_fn(count, |row, _| within[row / 3])),
                 coordinates: (0..count).collect(),
@@ -233,7 +230,9 @@ impl MixedModel {
     /// The same with slow waves in the error of each joint that turns, as many as hide in parameters.
     pub fn with_waves(mut self, turns: &[bool]) -> Self {
         let turning: Vec<usize> = (0..turns.len()).filter(|&joint| turns[joint]).collect();
+        let fixed = self.units.ncols();
         for visit in self.visits.iter_mut().map(Arc::make_mut) {
+            let rows = visit.residual.len();
             let waves = turning.iter().flat_map(|&joint| {
                 let (moved, angle) = (visit.joints.column(joint), visit.angles[joint]);
                 (1..=HIDDEN_WAVES).flat_map(move |order| {
@@ -241,11 +240,10 @@ impl MixedModel {
                     [moved * sine, moved * cosine]
                 })
             });
-            visit.waves = DMatrix::from_iterator(
-                visit.residual.len(),
-                2 * HIDDEN_WAVES * turning.len(),
-                waves.flat_map(|column| column.data.as_vec().clone()),
-            );
+            let of_parameters = visit.dense.as_slice()[..rows * fixed].iter().copied();
+            let waves = waves.flat_map(|column| column.data.as_vec().clone());
+            let columns = fixed + 2 * HIDDEN_WAVES * turning.len();
+            visit.dense = DMatrix::from_iterator(rows, columns, of_parameters.chain(waves));
         }
         self.most_knots = MOST_BESIDE_WAVES;
         self.waving = turning;
@@ -256,14 +254,13 @@ impl MixedModel {
     /// before of the robot: all parameters of the one (p) above all of the other.
     pub fn beside(&self, other: &Self) -> Self {
         let (own, others) = (self.units.ncols(), other.units.ncols());
-        let wide = |visit: &PoseReadings, before: usize| PoseReadings {
-            fixed: (visit.fixed.clone())
-                .insert_columns(0, before, 0.0)
-                .resize_horizontally(own + others, 0.0),
+        // Where the other's parameters are among its columns, and how many.
+        let wide = |visit: &PoseReadings, at: usize, count: usize| PoseReadings {
+            dense: visit.dense.clone().insert_columns(at, count, 0.0),
             ..visit.clone()
         };
-        let visits = self.visits.iter().map(|each| wide(each, 0));
-        let visits = visits.chain(other.visits.iter().map(|each| wide(each, own)));
+        let visits = self.visits.iter().map(|each| wide(each, own, others));
+        let visits = visits.chain(other.visits.iter().map(|each| wide(each, 0, own)));
         let mut pulls = stack![self.pulls, 0; 0, other.pulls];
         for (kind, row) in &self.priors {
             if let Some((_, twin)) = other.priors.iter().find(|(each, _)| each == kind) {

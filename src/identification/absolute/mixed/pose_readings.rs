@@ -17,12 +17,12 @@ pub(super) struct VisitEquations {
 
 impl PoseReadings {
     /// What is determined of the parameters (m x r), weighed as it was fitted.
-    pub(super) fn weighed(&self) -> Option<DMatrix<f64>> {
+    pub(super) fn weighed(&self, parameters: usize) -> Option<DMatrix<f64>> {
         let mut by = self.own.clone();
         for (row, column, _) in self.pairs().filter(|(.., is_one_visit)| *is_one_visit) {
             by[(row, column)] += self.assumed[row];
         }
-        Some(Cholesky::new(by)?.solve(&self.fixed))
+        Some(Cholesky::new(by)?.solve(&self.dense.columns(0, parameters)))
     }
 
     /// Rows of one coordinate in pairs, and whether they are of one visit.
@@ -73,9 +73,8 @@ impl PoseReadings {
         });
         Self {
             residual: &turn * &self.residual,
-            fixed: &turn * &self.fixed,
+            dense: &turn * &self.dense,
             joints: &turn * &self.joints,
-            waves: &turn * &self.waves,
             own: &turn * &self.own * turn.transpose(),
             ..self.clone()
         }
@@ -93,9 +92,8 @@ impl PoseReadings {
     pub(super) fn above(self, other: Self) -> Self {
         Self {
             residual: stack![self.residual; other.residual],
-            fixed: stack![self.fixed; other.fixed],
+            dense: stack![self.dense; other.dense],
             joints: stack![self.joints; other.joints],
-            waves: stack![self.waves; other.waves],
             own: stack![self.own, 0; 0, other.own],
             coordinates: [self.coordinates, other.coordinates].concat(),
             visits: [self.visits, other.visits].concat(),
@@ -104,14 +102,19 @@ impl PoseReadings {
         }
     }
 
+    /// The knots that move it by each joint's error.
+    pub(super) fn between(&self, variances: &MixedVariances) -> Vec<Between> {
+        let processes = variances.process.iter().zip(&self.angles);
+        processes.map(|(each, &at)| each.between(at)).collect()
+    }
+
     pub(super) fn local(&self, variances: &MixedVariances) -> VisitEquations {
         let mut covariance = self.own.clone();
         for (row, column, is_one_visit) in self.pairs() {
             let shared = self.shared_by(row, is_one_visit, variances.of_poses);
             covariance[(row, column)] += shared.map(|place| variances.all[place]).sum::<f64>();
         }
-        let processes = variances.process.iter().zip(&self.angles);
-        let between: Vec<Between> = processes.map(|(each, &at)| each.between(at)).collect();
+        let between = self.between(variances);
         for (joint, between) in between.iter().enumerate() {
             let moved = self.joints.column(joint);
             let own = variances.all[2 + joint] * between.spare;
@@ -129,8 +132,8 @@ impl PoseReadings {
 
     /// Derivatives by parameters, waves and joints, and what is left, side by side.
     fn columns(&self) -> DMatrix<f64> {
-        let each = [&self.fixed, &self.waves, &self.joints].map(DMatrix::as_slice);
-        let all = [each[0], each[1], each[2], self.residual.as_slice()].concat();
+        let each = [&self.dense, &self.joints].map(DMatrix::as_slice);
+        let all = [each[0], each[1], self.residual.as_slice()].concat();
         DMatrix::from_vec(self.residual.len(), all.len() / self.residual.len(), all)
     }
 
@@ -177,8 +180,7 @@ impl PoseReadings {
         solved: &MixedSolution,
         by_dense: &DMatrix<f64>,
     ) -> (DVector<f64>, DMatrix<f64>) {
-        let columns = self.columns();
-        let dense = columns.columns(0, offsets[0]);
+        let dense = &self.dense;
         let joints = self.angles.len();
         let at = |joint: usize| {
             let terms = local.between[joint].terms();
@@ -288,7 +290,7 @@ impl MixedSolution {
         let mut at = 0;
         for visit in visits() {
             let count = visit.residual.len();
-            (dense.rows_mut(at, count)).copy_from(&visit.columns().columns(0, first));
+            (dense.rows_mut(at, count)).copy_from(&visit.dense);
             at += count;
         }
         dense * self.covariance.view((0, 0), (first, first))

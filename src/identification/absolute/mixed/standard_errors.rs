@@ -114,10 +114,9 @@ impl GradientSums {
         variances: &MixedVariances,
         offsets: &[usize],
     ) -> Option<()> {
-        let local = visit.local(variances);
-        let weighed = visit.weighed()?;
-        let fixed = weighed.ncols();
-        self.curvature += weighed.tr_mul(&visit.fixed);
+        let fixed = self.curvature.ncols();
+        let weighed = visit.weighed(fixed)?;
+        self.curvature += weighed.tr_mul(&visit.dense.columns(0, fixed));
         self.parts[0] += weighed.tr_mul(&(&visit.own * &weighed));
         for coordinate in 0..6 {
             let part = coordinate / 3;
@@ -138,9 +137,10 @@ impl GradientSums {
                 self.parts[1 + place].ger(variances.all[place], &shared, &shared, 1.0);
             }
         }
-        let mut of_waves = self.through.columns_mut(0, visit.waves.ncols());
-        of_waves += weighed.tr_mul(&visit.waves);
-        for (joint, between) in local.between.iter().enumerate() {
+        let waves = visit.dense.columns_range(fixed..);
+        let mut of_waves = self.through.columns_mut(0, waves.ncols());
+        of_waves += weighed.tr_mul(&waves);
+        for (joint, between) in visit.between(variances).iter().enumerate() {
             let moved = weighed.tr_mul(&visit.joints.column(joint));
             let variance = variances.all[2 + joint] * between.spare;
             self.parts[3 + joint].ger(variance, &moved, &moved, 1.0);
