@@ -56,17 +56,18 @@ struct Searched {
 }
 
 impl Budget {
-    /// What was searched, with the cheapest way to the accuracy that is wanted, by the minutes that plans take at least and, where a way is
-    /// found, in all.
+    /// What was searched, with the cheapest way to the accuracy that is wanted, of these or `others`, by the minutes that plans take at least
+    /// and, where a way is found, in all.
     fn searched(
         &self,
-        points: Vec<BudgetPoint>,
+        (points, others): (Vec<BudgetPoint>, Vec<BudgetPoint>),
         report: Report,
         at_least: impl Fn(&BudgetPoint) -> f64,
         minutes: impl Fn(&BudgetPoint) -> Option<f64>,
     ) -> Searched {
         let accuracy_m = self.accuracy_um * 1e-6;
-        let enough = points.iter().filter(|point| point.rho0_m <= accuracy_m);
+        let all = points.iter().chain(&others);
+        let enough = all.filter(|point| point.rho0_m <= accuracy_m);
         let enough = enough.map(|point| (at_least(point), point));
         let quickest = (self.by_minutes)
             .then(|| quickest(enough, |point| minutes(point)))
@@ -133,10 +134,22 @@ impl Budget {
         };
         let at_least =
             |point: &BudgetPoint| least_minutes(task, laboratory, PlanSize::of(&point.plan));
+        let by_tracker = task.by_tracker_alone().filter(|_| self.by_minutes);
+        let by_tracker = by_tracker.and_then(|task| {
+            let says = format!("searching those of the tracker alone of up to {up_to}");
+            let found = search(common, &says, |watch| {
+                let progress = |done, all| (watch.progress)(done, all, 0.0);
+                let (up_to, seed) = (self.up_to, scenario.seed);
+                budget(&task, up_to, seed, None, watch.stop, &progress)
+            });
+            // It may not determine by itself what is asked for.
+            found.ok()
+        });
+        let by_tracker = by_tracker.map_or_else(Vec::new, |(points, _)| points);
         let mut report = Report::default();
         (self.proof).tell(&bound, &ProvenanceMessage::new(scenario), &mut report)?;
         report.json = json!({ "proof": proof_json(&bound) });
-        Ok(self.searched(points, report, at_least, minutes))
+        Ok(self.searched((points, by_tracker), report, at_least, minutes))
     }
 
     /// Of absolute readings.
@@ -174,7 +187,7 @@ impl Budget {
             offered(drawn, self.readings.candidates.as_deref(), offer),
             Vec::new(),
         );
-        Ok(self.searched(points, report, at_least, minutes))
+        Ok(self.searched((points, Vec::new()), report, at_least, minutes))
     }
 
     pub fn execute(&self) -> anyhow::Result<Report> {

@@ -106,7 +106,8 @@ fn about(command: &str, option: &str, value: &str) -> Option<(AccuracyKind, &'st
             _,
             "candidates" | "draw" | "parameters" | "report_out" | "model_selection" | "against"
             | "uncertainties_out",
-        ) => (Absolute, ""),
+        )
+        | ("identify", "joint_errors") => (Absolute, ""),
         _ => return None,
     })
 }

@@ -202,6 +202,11 @@ impl Case<'_> {
             rotations[1] += 3.0;
         }
         let turned = rotations[0] / rotations[1].max(1.0);
+        let is_coarse = self.belief.uncertain.along_step_m() > 0.0
+            && self
+                .measurements
+                .iter()
+                .any(|each| each.direction.is_some());
         Ok(Identification {
             method: self.method,
             parameters,
@@ -211,7 +216,9 @@ impl Case<'_> {
             sigma_m: sigma_m * factor,
             residual_sigma_m: ratio.map(|ratio| ratio * sigma_m),
             consistency: chi_square.map(|chi| chi.sf(sum_of_squares)),
-            consistency_lower: chi_square.map(|chi| chi.cdf(sum_of_squares)),
+            // Repeats that a coarse gauge shows alike are nearer to each other than normal errors are.
+            consistency_lower: (chi_square.filter(|_| !is_coarse))
+                .map(|chi| chi.cdf(sum_of_squares)),
             discrepancy: None,
             deflections: [squares / coordinates as f64, turned].map(f64::sqrt),
             stays_nominal: Vec::new(),

@@ -1,6 +1,8 @@
 //! Plans by the minutes that they take, in place of the number of measurements: repeats are cheap, changes are
 //! not.
 
+use std::collections::BTreeSet;
+
 use super::{Campaign, Laboratory};
 use crate::experiment::{Loads, Plan};
 use crate::parameter::Unloaded;
@@ -123,11 +125,32 @@ pub fn quickest<T>(
 }
 
 /// The best plans that take at most so many minutes with all their ways, one for each number of configurations; the
-/// best first.
+/// best first. Where a gauge stands beside a tracker, those of the tracker alone among them: what a search gives the gauge to read may
+/// take longer than there is time for.
 ///
 /// # Errors
 /// No plan is possible, or none in that time.
 pub fn plans_within(
+    task: &Task,
+    laboratory: &Laboratory,
+    minutes: f64,
+    seed: u64,
+    watch: Watch<'_>,
+) -> Result<Vec<TimedPlan>, SearchError> {
+    let mut plans = plans_of(task, laboratory, minutes, seed, watch)?;
+    if let Some(by_tracker) = task.by_tracker_alone() {
+        // It may not determine by itself what is asked for.
+        let others = plans_of(&by_tracker, laboratory, minutes, seed, watch);
+        plans.extend(others.unwrap_or_default());
+    }
+    plans.sort_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
+    let mut known = BTreeSet::new();
+    plans.retain(|plan| known.insert(plan.configurations));
+    Ok(plans)
+}
+
+/// The same of what a task's instruments may read, in any order.
+fn plans_of(
     task: &Task,
     laboratory: &Laboratory,
     minutes: f64,
@@ -164,9 +187,7 @@ pub fn plans_within(
             break;
         }
     }
-    let mut plans: Vec<TimedPlan> = plans.into_iter().map(|plan| search.filled(plan)).collect();
-    plans.sort_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
-    Ok(plans)
+    Ok(plans.into_iter().map(|plan| search.filled(plan)).collect())
 }
 
 /// What plans of a time are searched with.

@@ -168,6 +168,14 @@ impl Task {
         self.belief.instrument.gauge.is_some()
     }
 
+    /// The same where a gauge beside a tracker reads nothing: of plans by minutes, which are best by one of the two; none without both.
+    pub fn by_tracker_alone(&self) -> Option<Self> {
+        (self.directions.len() > 1 && self.directions.contains(&None)).then(|| Self {
+            directions: vec![None],
+            ..self.clone()
+        })
+    }
+
     /// Whether bounds are of plans that hang one load in each configuration, since deflections of one share errors, where more loads could
     /// be hung.
     pub fn has_one_load_each(&self) -> bool {

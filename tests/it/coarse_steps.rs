@@ -67,6 +67,27 @@ fn predictions_of_repeats_hold_on_virtual_robots() {
     }
 }
 
+/// Repeats that scatter by less than a step are mostly shown alike: their residuals are smaller than normal errors', and that is no condition.
+#[test]
+fn repeats_that_are_shown_alike_are_not_too_near() {
+    let text = coarse(0.0005, 0.01);
+    let scenario = loaded(&text);
+    let place = Workplace::new();
+    let (head, _) = text.split_once("[[plan]]").expect("a plan");
+    place.write("s.toml", head);
+    let plan = nine(&scenario, 4);
+    let commands = scenario.task.belief.commands();
+    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &plan).expect("written");
+    for run in 0..20 {
+        let measure =
+            format!("measure s.toml --plan plan.csv --run {run} --measurements-out m.csv");
+        place.run(&format!("{measure} --quiet")).ends_with(0);
+        place
+            .run("identify s.toml --measurements m.csv --quiet")
+            .ends_with(0);
+    }
+}
+
 /// Six repeats of a gauge that hardly errs tell as much as one, of one that errs by more than a step six times as much; a fit weighs
 /// measurements as the plan did.
 #[test]

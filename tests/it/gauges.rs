@@ -510,7 +510,8 @@ fn mixed_campaigns_are_predicted() {
     );
 }
 
-/// A tracker's readings cost no set-up of a gauge: where they are worth more, a plan by minutes has as many of them as there is time for.
+/// A tracker's readings cost no set-up of a gauge: where they are worth more, a plan by minutes has as many of them as there is time for, and
+/// is no worse than that of the tracker alone.
 #[test]
 fn plans_by_minutes_count_what_each_instrument_costs() {
     let place = Workplace::new();
@@ -527,6 +528,15 @@ fn plans_by_minutes_count_what_each_instrument_costs() {
     let plan = plan.expect("a plan");
     let mut along = plan.experiments.iter().map(|each| each.direction.is_some());
     assert!(!along.all(|along| along), "{plan:?}");
+    let (before, gauge) = head.split_once("[instrument.gauge]").expect("a gauge");
+    let (_, after) = gauge.split_once("[[test_pose]]").expect("a test pose");
+    let direction = "[[uncertainty]]\nkind = \"gauge_direction\"\nstd_mrad = 10\n";
+    assert!(after.contains(direction));
+    let after = after.replace(direction, "");
+    place.write("tracker.toml", format!("{before}[[test_pose]]{after}"));
+    let by_tracker = place.json("plan tracker.toml --no-proof --minutes 90");
+    let [both_mm, tracker_mm] = [timed, by_tracker].map(|plan| number(&plan["rho0_mm"]));
+    assert!(both_mm < 1.002 * tracker_mm, "{both_mm} {tracker_mm}");
 }
 
 /// A gauge's load is hung in place, so that the instrument drifts no longer than that takes, also where a tracker reads before and after

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use crate::model_selection::{Gear, read_of, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
-use crate::support::{Workplace, numbers};
+use crate::support::{Workplace, numbers, project, scenario_text};
 
 /// Where the tool of a robot is that is told to stand so, as the instrument sees it.
 fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f64> {
@@ -254,4 +254,21 @@ fn drifts_show_beside_joint_errors() {
         assert_eq!(first.against, is_it, "{}", first.sentence);
         assert!((1e-4..4e-4).contains(&first.size), "{}", first.size);
     });
+}
+
+/// Deflections have no joint error functions: the option is refused by its name.
+#[test]
+fn deflections_have_no_joint_error_functions() {
+    let place = Workplace::new();
+    place.write("s.toml", scenario_text("klimchik2012"));
+    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let measure = format!(
+        "measure s.toml --plan {} --measurements-out m.csv --quiet",
+        plan.display()
+    );
+    place.run(&measure).ends_with(0);
+    place
+        .run("identify s.toml --measurements m.csv --joint-errors on --quiet")
+        .ends_with(1)
+        .says("holds deflections, and --joint-errors is for absolute readings");
 }
