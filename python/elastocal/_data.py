@@ -274,8 +274,8 @@ class Plan:
         if mine != its:
             raise UsageError(f"the plans have {mine} and {its} joints")
         if self._joints and other._joints and self._joints != other._joints:
-            both = " and ".join(", ".join(each) for each in (self._joints, other._joints))
-            raise UsageError(f"the plans have the columns {both}", "columns=scenario.columns names those of the robot")
+            columns = " and ".join(", ".join(each) for each in (self._joints, other._joints))
+            raise UsageError(f"the plans have the columns {columns}", "columns=scenario.columns names those of the robot")
         own = self._joints or other._joints
         both = ([getattr(self, name), getattr(other, name)] for name in ("q_deg", "wrench", "repeats"))
         along = [np.full((len(each), 3), np.nan) if each.direction is None else each.direction for each in (self, other)]
