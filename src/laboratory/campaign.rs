@@ -179,7 +179,7 @@ impl Campaign {
         for group in groups(&planner) {
             let order = if keep_order {
                 (0..group.members.len()).collect()
-            } else if task.belief.uncertain.has_drift() && group.loads[0].is_some() {
+            } else if group.is_as_unloaded {
                 as_unloaded(&stops, &group)
             } else {
                 planner.order(stops.last(), &group)
@@ -454,6 +454,7 @@ impl Planner<'_> {
         let experiments = &self.plan.experiments;
         let group = |load: Option<Load>, members| Group {
             is_in_place: load.is_some(),
+            is_as_unloaded: false,
             loads: vec![load],
             station: None,
             members,

@@ -95,6 +95,8 @@ pub(super) struct Group {
     pub station: Option<String>,
     /// Whether the robot stands there already.
     pub is_in_place: bool,
+    /// Whether the members come in the order in which they were visited without a load.
+    pub is_as_unloaded: bool,
     /// The experiments that are measured in one visit, with the number of readings; of several loads each is read once.
     pub members: Vec<(Vec<usize>, u32)>,
 }
@@ -173,7 +175,8 @@ pub(super) fn groups_of_loads(
     keep_order: bool,
 ) -> Vec<Group> {
     let loads = by_load(plan, places, keep_order);
-    let is_apart = belief.uncertain.has_drift() && belief.instrument.unloaded == Unloaded::Own;
+    let drifts = belief.uncertain.has_drift();
+    let is_apart = drifts && belief.instrument.unloaded == Unloaded::Own;
     let size = if is_apart { 1 } else { loads.len().max(1) };
     let groups = loads.chunks(size).flat_map(|loads| {
         let mut places: Vec<usize> = loads.iter().flat_map(|(_, own)| own.clone()).collect();
@@ -182,6 +185,7 @@ pub(super) fn groups_of_loads(
             loads: vec![Some(*load)],
             station: None,
             is_in_place: false,
+            is_as_unloaded: drifts,
             members: (places.iter())
                 .map(|&index| (vec![index], plan.experiments[index].repeats))
                 .collect(),
@@ -236,6 +240,7 @@ fn unloaded(belief: &Belief, plan: &Plan, places: &[usize]) -> Group {
         loads: vec![None],
         station: None,
         is_in_place: false,
+        is_as_unloaded: false,
         members,
     }
 }
@@ -371,6 +376,7 @@ pub(super) fn groups_of_visits(
                 loads: group[0].loads.clone(),
                 station: planning.stations()[station].clone(),
                 is_in_place: false,
+                is_as_unloaded: false,
                 members: (group.iter())
                     .map(|visit| {
                         (

@@ -163,6 +163,16 @@ impl ElasticArm {
         self.stiffening[joint].gives(self.compliance_rad_per_nm[joint], leaning.torque_nm)
     }
 
+    /// The same under loads that are as they are said: what scales those of readings is not the task's.
+    #[must_use]
+    pub fn under_loads_of_task(self) -> Self {
+        Self {
+            load_scale: 1.0,
+            load_offset_n: 0.0,
+            ..self
+        }
+    }
+
     /// That each joint can hold what it carries.
     ///
     /// # Errors

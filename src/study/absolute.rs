@@ -260,9 +260,7 @@ impl<'a> ReadingRuns<'a> {
         let (Some(station), Some(target)) = (station, target) else {
             return Err(Failure::Undetermined.because("no reading that counts is there"));
         };
-        let mut arm = arm.clone();
-        // What scales the loads of the readings is not the task's.
-        (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
+        let arm = arm.clone().under_loads_of_task();
         let nothing = ParameterSet::empty();
         let mut model = ObservationModel::new(&nothing, &arm, &[]);
         let mut ignored = Matrix6xX::zeros(0);

@@ -168,7 +168,7 @@ impl Task {
         self.belief.instrument.gauge.is_some()
     }
 
-    /// The same where a gauge beside a tracker reads nothing: of plans by minutes, which are best by one of the two; none without both.
+    /// The task of plans that a tracker reads alone though a gauge stands beside it; none without both.
     pub fn by_tracker_alone(&self) -> Option<Self> {
         (self.directions.len() > 1 && self.directions.contains(&None)).then(|| Self {
             directions: vec![None],

@@ -61,9 +61,7 @@ impl KnownPlaces {
         reference.instrument_from_base = frames.chain([Isometry3::identity()]).collect();
         let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
         let kinds = stored.kinds(&reference, &of_stations, tools);
-        let mut arm = stored.apply(&reference)?;
-        // What scales the loads of the readings is not the task's.
-        (arm.load_scale, arm.load_offset_n) = (1.0, 0.0);
+        let arm = stored.apply(&reference)?.under_loads_of_task();
         let (set, posterior) = known(stored, (&arm, belief), &kinds)?;
         let is_own = |&place: &usize| kinds[place].is_some();
         let places: Vec<usize> = (0..kinds.len()).filter(is_own).collect();

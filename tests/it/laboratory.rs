@@ -8,7 +8,7 @@ use elastocal::scenario::Scenario;
 use nalgebra::DVector;
 use serde_json::Value;
 
-use crate::support::{Workplace, number, numbers, project, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, number, numbers, project, scenario_text};
 
 const COLUMNS: &str =
     "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n";
@@ -1025,4 +1025,31 @@ fn plans_by_minutes_repeat_where_that_is_cheap() {
         ["time in the laboratory [min]", "measurements, logarithmic"].map(|name| svg.contains(name))
     });
     assert_eq!(axis, [[true, false], [false, true]]);
+}
+
+/// A drift is of deflections: absolute readings are in the order that is short with it and without.
+#[test]
+fn the_order_of_absolute_readings_knows_no_drift() {
+    let workplace = Workplace::new();
+    let region = "tool_height_min_mm = 300\ntool_radius_min_mm = 400\n";
+    let ur10 = absolute_scenario_text("ur10");
+    assert!(ur10.contains(region));
+    let head = ur10.replace(region, "");
+    let row = |row: i32| {
+        let [q1, q2] = [row * 47 % 100, -(row * 31 % 60) - 40];
+        let load = ["0,0,0", "0,0,-98"][usize::from(row % 2 == 1)];
+        format!("{q1},{q2},90,-100,90,0,{load},0,0,0,reflector,1\n")
+    };
+    let rows: Vec<String> = (0..8).map(row).collect();
+    let columns = COLUMNS.replace(",repeats", ",target,repeats");
+    workplace.write("plan.csv", columns + &rows.concat());
+    let drift = "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
+    let [without, with] = ["", drift].map(|source| {
+        workplace.write("s.toml", format!("{head}\n{source}"));
+        workplace
+            .run("lab s.toml --plan plan.csv --json --quiet")
+            .json()["stops"]
+            .clone()
+    });
+    assert_eq!(without, with);
 }

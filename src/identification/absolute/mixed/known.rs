@@ -96,13 +96,8 @@ impl MixedModel {
                 next.all[place] = found.all[place].max(least.all[place]);
             }
         };
-        let some = self.sampled();
-        let sample = some.as_ref().unwrap_or(self);
-        let (variances, mut solved, numbers) =
-            sample.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
-        if some.is_some() {
-            solved = self.solved(&variances)?;
-        }
+        let (variances, solved, numbers) =
+            self.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
         let told: f64 = (places.iter().step_by(2))
             .map(|&place| numbers[place])
             .sum();

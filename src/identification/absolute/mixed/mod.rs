@@ -291,12 +291,11 @@ impl MixedModel {
     /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
     fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
         let mut variances = self.first();
-        let some = self.sampled();
-        let sample = some.as_ref().unwrap_or(self);
         let most = if self.waving.is_empty() {
             Vec::new()
         } else {
-            let (seen, _) = sample.clone().with_waves(&[]).likeliest()?;
+            let sample = self.sampled().unwrap_or_else(|| self.clone());
+            let (seen, _) = sample.with_waves(&[]).likeliest()?;
             let joints = self.waving.iter();
             joints.map(|&joint| seen.all[2 + joint]).collect()
         };
@@ -307,15 +306,12 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let (variances, mut solved, _) = sample.settled(variances, limit, ROUNDS, FOUND)?;
-        if some.is_some() {
-            solved = self.solved(&variances)?;
-        }
+        let (variances, solved, _) = self.settled(variances, limit, ROUNDS, FOUND)?;
         Some((variances, solved))
     }
 
-    /// Variances that are improved, each time within limits, so often or until their deviations change by less than this; with what the model
-    /// says then, and how many numbers told each.
+    /// Variances that are improved, each time within limits, so often or until their deviations change by less than this, by those visits that
+    /// they follow from; with what all say then, and how many numbers told each.
     fn settled(
         &self,
         mut variances: MixedVariances,
@@ -323,6 +319,11 @@ impl MixedModel {
         rounds: usize,
         found: f64,
     ) -> Option<(MixedVariances, MixedSolution, Vec<f64>)> {
+        if let Some(sample) = self.sampled() {
+            let (variances, _, told) = sample.settled(variances, limit, rounds, found)?;
+            let solved = self.solved(&variances)?;
+            return Some((variances, solved, told));
+        }
         let mut solved = self.solved(&variances)?;
         let mut told = Vec::new();
         for _ in 0..rounds {
