@@ -158,16 +158,17 @@ impl Budget {
         let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
         let wanted = self.readings.wanted(scenario, candidates.as_deref());
         let wrong = |error: CandidateError| error.in_file(wanted.path);
-        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
+        let plannings = wanted.plannings(task, seed).map_err(wrong)?;
         let says = format!(
             "searching the best plans of up to {} among {}",
             counted(self.up_to.into(), "absolute reading"),
-            counted(planning.candidates.len() as u64, "candidate")
+            counted(plannings[0].candidates.len() as u64, "candidate")
         );
         let found = search(common, &says, |watch| {
-            wanted.of_sizes(&mut planning, 1..=self.up_to, None, seed, watch)
+            wanted.of_sizes(plannings, 1..=self.up_to, None, seed, watch)
         });
-        let found = planning.budget(found.map_err(wrong)?);
+        let (planning, found) = found.map_err(wrong)?;
+        let found = planning.budget(found);
         let minutes = |point: &BudgetPoint| {
             let is_it = |(each, _): &&(BudgetPoint, _)| each.experiments == point.experiments;
             let (_, plan) = found.iter().find(is_it)?;

@@ -1,7 +1,10 @@
 //! An identified file for a command, with its conditions.
 
-use crate::identification::{IdentifiedFile, IdentifiedRecord, impossible_compliance};
-use crate::measurement::SimulatedRun;
+use crate::identification::input_errors::measurements_may_repeat;
+use crate::identification::{
+    AbsoluteCase, Case, IdentifiedFile, IdentifiedRecord, impossible_compliance,
+};
+use crate::measurement::{MeasuredFile, SimulatedRun, count_among, digests_of};
 use crate::numeric::{estimable::Estimable, posterior::Posterior};
 use crate::text::wording::shell_path;
 use crate::workflow::calibrated::CalibratedRobot;
@@ -67,14 +70,64 @@ pub fn read_robot(common: &Common, command: &str, path: &Path) -> anyhow::Result
     })
 }
 
-/// Refuses a file of the same readings as were fitted, where others are needed.
-pub fn refuse_same(path: &Path, is_same: bool, as_what: &str, hint: &str) -> Result<(), FileError> {
-    if !is_same {
-        return Ok(());
+/// Refuses a file in which half of the readings or more were fitted already, by their digests, unless so coarse ones repeat by chance; tells
+/// of fewer.
+pub fn refuse_fitted(
+    path: &Path,
+    [digests, fitted]: [&[u64]; 2],
+    may_repeat: impl FnOnce() -> bool,
+    as_what: &str,
+    hint: &str,
+) -> Result<String, FileError> {
+    let (same, all) = (count_among(digests, fitted), digests.len());
+    if same == 0 {
+        return Ok(String::new());
     }
-    let problem = format!("holds the same readings as {as_what}");
+    let problem = match all - same {
+        0 => format!("holds the same readings as {as_what}"),
+        _ => format!("{same} of {all} readings are the same as {as_what}"),
+    };
+    if 2 * same < all || may_repeat() {
+        let name = path.display();
+        return Ok(format!(
+            "{name}: {problem}, to the last digit; coarse ones may be by chance.\n"
+        ));
+    }
     let wrong = FileError::new(path, problem).code(ErrorCode::Measurements);
     Err(wrong.hint(hint))
+}
+
+/// The same of measurements that a scenario's prior was identified from.
+pub fn refuse_prior(
+    scenario: &Scenario,
+    path: &Path,
+    measured: &MeasuredFile,
+) -> Result<String, FileError> {
+    let belief = &scenario.task.belief;
+    let Some(before) = &belief.prior_campaign else {
+        return Ok(String::new());
+    };
+    let digests = match measured {
+        MeasuredFile::Deflections(measurements) => digests_of(measurements),
+        MeasuredFile::Absolute(readings) => digests_of(readings),
+    };
+    let may_repeat = || match measured {
+        MeasuredFile::Deflections(measurements) => {
+            measurements_may_repeat(&Case::as_believed(belief, measurements))
+        }
+        MeasuredFile::Absolute(readings) => {
+            AbsoluteCase::placed(belief, readings).is_ok_and(|case| case.may_repeat())
+        }
+    };
+    let as_what = "robot.prior was identified from";
+    let hint = "give other measurements, or leave out robot.prior: readings count once";
+    refuse_fitted(
+        path,
+        [&digests, &before.reading_digests],
+        may_repeat,
+        as_what,
+        hint,
+    )
 }
 
 /// What was not asked for when absolute readings were fitted, for a person.

@@ -18,6 +18,7 @@ use crate::record::messages::plan_messages;
 use crate::workflow::identify::identify_measurements;
 
 use super::command_prelude::*;
+use super::identified::refuse_prior;
 use super::identify::deflections::{self, explained};
 use super::interruption::STOP;
 use super::plan_args::{ReadingsArgs, offered};
@@ -83,8 +84,9 @@ impl Next {
     /// Of deflections.
     fn deflections(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let (task, commands) = (&scenario.task, scenario.task.belief.commands());
-        let measurements = read_measured_so_far(&self.measurements, &task.belief)?
-            .deflections(&self.measurements)?;
+        let measured = read_measured_so_far(&self.measurements, &task.belief)?;
+        let again = refuse_prior(scenario, &self.measurements, &measured)?;
+        let measurements = measured.deflections(&self.measurements)?;
         let given = (self.plan.as_ref()).map(|path| read_plan(path, commands.clone()));
         let given = given.transpose()?;
         let belief = &task.belief;
@@ -104,7 +106,7 @@ impl Next {
             .unwrap_or(task.design.experiments);
         let conditions = identified.conditions().chain(scenario.of_unknown_origin());
         let mut conditions: Vec<Condition> = conditions.collect();
-        let mut text = deflections::describe(identification, belief);
+        let mut text = again + &deflections::describe(identification, belief);
         text += &format!(
             "\n{} of {} so far, at the compliances as identified: {}\n",
             counted(measured.into(), "measurement"),
@@ -174,8 +176,9 @@ impl Next {
     fn absolute(&self, scenario: &Scenario) -> anyhow::Result<Report> {
         let task = &scenario.task;
         let why = "; the scenario asks for an absolute accuracy";
-        let taken =
-            read_measured_so_far(&self.measurements, task)?.absolute(&self.measurements, why)?;
+        let measured = read_measured_so_far(&self.measurements, task)?;
+        let again = refuse_prior(scenario, &self.measurements, &measured)?;
+        let taken = measured.absolute(&self.measurements, why)?;
         AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
             FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
         })?;
@@ -187,8 +190,13 @@ impl Next {
         };
         let drawn = wanted.drawn(seed);
         let wrong = |error: CandidateError| error.in_file(wanted.path);
-        let mut planning = wanted.planning(task, seed).map_err(wrong)?;
-        let so_far = planning.prediction(&[]);
+        let mut plannings = wanted.plannings(task, seed).map_err(wrong)?;
+        let predicted = plannings.iter().map(|each| each.prediction(&[]));
+        let rho0_m = |each: &PredictedAccuracy| each.rho0_m().unwrap_or(f64::INFINITY);
+        let least = (predicted.enumerate())
+            .min_by(|(_, one), (_, other)| rho0_m(one).total_cmp(&rho0_m(other)));
+        // There is always one.
+        let (place, so_far) = least.unwrap_or_else(|| (0, plannings[0].prediction(&[])));
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
         let is_reached =
             (so_far.rho0_m().zip(wanted_m)).is_some_and(|(rho0, wanted)| rho0 <= wanted);
@@ -202,20 +210,25 @@ impl Next {
             }
         };
         let mut text = format!(
-            "{} so far: {}\n{}",
+            "{again}{} so far: {}\n{}",
             counted(measured.into(), "absolute reading"),
-            described(&planning, &so_far),
-            offered(drawn, self.readings.candidates.as_deref(), &planning.offer)
+            described(&plannings[place], &so_far),
+            offered(
+                drawn,
+                self.readings.candidates.as_deref(),
+                &plannings[place].offer
+            )
         );
         let mut conditions = Vec::new();
-        let found = if counts.is_empty() {
+        let (planning, found) = if counts.is_empty() {
             text += "Nothing more needs to be measured.\n";
-            None
+            (plannings.swap_remove(place), None)
         } else {
             let found = search(&self.common, PLANNING, |watch| {
-                wanted.of_sizes(&mut planning, counts, wanted_m, seed, watch)
+                wanted.of_sizes(plannings, counts, wanted_m, seed, watch)
             });
-            found.map_err(wrong)?.pop()
+            let (planning, mut found) = found.map_err(wrong)?;
+            (planning, found.pop())
         };
         let (plan, bound) = found.map_or_else(Default::default, |found| (found.plan, found.bound));
         let unplaced = planning.unplaced_stations(&plan);

@@ -139,13 +139,13 @@ pub fn repeats(found: Option<&Repeats>, what: &str) -> String {
     let Some(repeats) = found else {
         return String::new();
     };
-    let visits: usize = repeats.poses.iter().map(|pose| pose.visits).sum();
+    let (visits, freedom) = (repeats.visits, repeats.degrees_of_freedom);
     let mut text = format!(
         "\n  {} of {}: pose repeatability RP = {:.4} mm of {what} (ISO 9283; pooled, {} of freedom)\n",
         counted(visits as u64, "visit"),
-        counted(repeats.poses.len() as u64, "pose"),
+        counted((visits - freedom) as u64, "pose"),
         repeats.repeatability_m * 1e3,
-        counted(repeats.degrees_of_freedom as u64, "degree"),
+        counted(freedom as u64, "degree"),
     );
     if let Some(drift) = &repeats.drift {
         let [x, y, z] = <[f64; 3]>::from(drift.slope_m).map(|slope| format!("{:.2e}", slope * 1e3));

@@ -6,7 +6,7 @@ use crate::identification::{
     StoredRobot, with_discrepancy,
 };
 use crate::laboratory::validation::{validate, validation_plan};
-use crate::measurement::{MeasuredArm, read_measured, read_measurements};
+use crate::measurement::{MeasuredArm, digests_of, read_measured, read_measurements};
 use crate::plan::write_plan;
 use crate::record::messages::plan_messages;
 use crate::workflow::validate_absolute::{
@@ -15,7 +15,7 @@ use crate::workflow::validate_absolute::{
 use nalgebra::{Matrix3, Vector3};
 
 use super::command_prelude::*;
-use super::identified::{IdentifiedCompliances, compliances, read_stored, refuse_same, trust};
+use super::identified::{IdentifiedCompliances, compliances, read_stored, refuse_fitted, trust};
 use super::residuals;
 use super::table::{DISTANCES, distances, residual_name};
 use super::tolerance::{ToleranceArgs, report_judged};
@@ -42,9 +42,17 @@ pub struct Validate {
     plan_out: Option<PathBuf>,
 }
 
-/// What measurements show of a prediction: the command's keys, text and conditions; measured less predicted (m), and the covariance of
-/// each reading alone (m^2); whether they are so coarse that chance may repeat them.
-type Validated = (Report, Vec<(Vector3<f64>, Matrix3<f64>)>, bool);
+/// What measurements show of a prediction.
+struct Validated {
+    /// The command's keys, text and conditions.
+    report: Report,
+    /// Measured less predicted (m), and the covariance of each reading alone (m^2).
+    differences: Vec<(Vector3<f64>, Matrix3<f64>)>,
+    /// The readings' digests.
+    digests: Vec<u64>,
+    /// Whether readings are so coarse that chance may repeat them.
+    may_repeat: bool,
+}
 
 impl Validate {
     pub fn execute(&self) -> anyhow::Result<Report> {
@@ -55,7 +63,7 @@ impl Validate {
             // Readings show what masses and compliances that differ cost.
             trust(&identified, &scenario)?;
         }
-        let (mut shown, differences, may_repeat) = match (&identified.record, &self.measurements) {
+        let mut validated = match (&identified.record, &self.measurements) {
             (IdentifiedRecord::Readings(robot), Some(file)) => of_absolute(&scenario, robot, file)?,
             (IdentifiedRecord::Readings(_), None) => {
                 let problem = "was identified from absolute readings, for which no plan is made";
@@ -71,17 +79,16 @@ impl Validate {
         if let Some(file) = &self.measurements {
             let as_what = format!("{} was identified from", path.display());
             let hint = "give measurements that were not fitted";
-            let is_same = identified.is_from(file)?;
-            refuse_same(file, is_same && !may_repeat, &as_what, hint)?;
-            if is_same {
-                let problem = "The same readings were fitted, to the last digit; of so coarse a step others may be the same by chance.";
-                shown.text += &format!("{problem}\n");
-            }
+            let fitted = identified.basis.reading_digests.as_deref();
+            let digests = [&*validated.digests, fitted.unwrap_or_default()];
+            let may_repeat = || validated.may_repeat;
+            validated.report.text += &refuse_fitted(file, digests, may_repeat, &as_what, hint)?;
         }
+        let mut shown = validated.report;
         let keys = [shown.json.take()];
         let mut report = (self.common).report("validate", &scenario, keys, shown)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
-            report_judged(&mut report, tolerance, differences.into_iter());
+            report_judged(&mut report, tolerance, validated.differences.into_iter());
         }
         Ok(report)
     }
@@ -105,7 +112,12 @@ impl Validate {
         if let Some(path) = &self.plan_out {
             report.noted(path, write_plan(path, commands, &plan));
         }
-        Ok((report, Vec::new(), false))
+        Ok(Validated {
+            report,
+            differences: Vec::new(),
+            digests: Vec::new(),
+            may_repeat: false,
+        })
     }
 }
 
@@ -133,8 +145,12 @@ fn of_absolute(scenario: &Scenario, robot: &StoredRobot, file: &Path) -> anyhow:
     let keys = readings_record(&validation, &with_joints);
     let name = residual_name(&belief.instrument);
     let text = describe_readings(&validation, &with_joints, &name);
-    let report = Report::new(keys, text, conditions);
-    Ok((report, differences, validation.may_repeat))
+    Ok(Validated {
+        report: Report::new(keys, text, conditions),
+        differences,
+        digests: digests_of(&readings),
+        may_repeat: validation.may_repeat,
+    })
 }
 
 /// Holds other deflections beside compliances that were identified.
@@ -157,9 +173,12 @@ fn of_deflections(
     let mut conditions = identified.conditions;
     conditions.extend(prediction_failed(validation.probability()));
     let differences = (bare.iter()).map(|each| (each.difference_m, each.reading_m2));
-    let report = Report::new(record(&validation), describe(&validation), conditions);
-    let may_repeat = measurements_may_repeat(&Case::as_believed(belief, &measured));
-    Ok((report, differences.collect(), may_repeat))
+    Ok(Validated {
+        report: Report::new(record(&validation), describe(&validation), conditions),
+        differences: differences.collect(),
+        digests: digests_of(&measured),
+        may_repeat: measurements_may_repeat(&Case::as_believed(belief, &measured)),
+    })
 }
 
 /// The predicted standard deviation of a difference's length, and what of it the robot makes (m).

@@ -69,8 +69,10 @@ pub struct PlaceDrift {
 /// What repeated visits show.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Repeats {
-    /// The poses that were visited more than once.
+    /// The poses that were visited more than once; what is read of several targets, each.
     pub poses: Vec<RepeatedPose>,
+    /// How many visits of the robot these are.
+    pub visits: usize,
     /// RP (m) by the covariance pooled over them.
     #[serde(rename = "rp_mm", serialize_with = "thousandfold")]
     pub repeatability_m: f64,
@@ -162,6 +164,7 @@ impl Repeats {
         let freedom = apart.len().saturating_sub(means.len());
         Some(Self {
             repeatability_m: pose_repeatability(&pooled)?,
+            visits: apart.len(),
             degrees_of_freedom: freedom,
             drift: drift(&apart, freedom, by),
             poses: (repeated.into_iter())

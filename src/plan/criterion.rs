@@ -253,7 +253,7 @@ impl CriterionFunction {
         let inverse = Cholesky::new(rest)?.inverse();
         let by_determinant = self.power_of_determinant().is_some();
         let moved = inverse * rows;
-        let task = rows.tr_mul(&self.solved);
+        let task = self.solved.transpose() * rows;
         let gain = |index: usize| {
             let at = K * index;
             let own = rows.fixed_columns::<K>(at);
@@ -262,10 +262,11 @@ impl CriterionFunction {
             if by_determinant {
                 return Some(factor.determinant());
             }
-            let inverse = factor.inverse();
-            let each = (0..task.ncols()).map(|column| {
-                let own = task.fixed_view::<K, 1>(at, column);
-                own.dot(&(inverse * own))
+            let each = (0..task.nrows()).map(|row| {
+                let mut own = task.fixed_view::<1, K>(row, at).transpose();
+                // The factor's diagonal is positive.
+                factor.l_dirty().solve_lower_triangular_mut(&mut own);
+                own.norm_squared()
             });
             Some(each.sum())
         };

@@ -35,6 +35,8 @@ pub struct PriorCampaign {
     pub covariance: DMatrix<f64>,
     /// What it left nominal.
     pub left_out: Vec<LeftNominal>,
+    /// The digests of its readings, and of those of campaigns before it.
+    pub reading_digests: Vec<u64>,
     /// Those of the residual scale, where the covariance rests on one that was estimated.
     pub degrees_of_freedom: Option<f64>,
 }

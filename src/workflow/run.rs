@@ -20,7 +20,7 @@ use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, AbsoluteMessage, IdentificationError, ParameterGroup, ReadingWeights,
 };
-use crate::measurement::{AbsoluteReading, SimulatedRun};
+use crate::measurement::{AbsoluteReading, SimulatedRun, digests_of};
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::Assessment;
@@ -248,6 +248,7 @@ impl RunOutcome {
         };
         let keys = json!({ "plans": all, "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_mm,
             "random_median_repeats": times, "random_median_limit_rho0_mm": limit_mm });
+        let digests = digests_of(&self.tried[0].calibration.measurements);
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
         // errors are those of the identification.
         let all = [
@@ -255,7 +256,7 @@ impl RunOutcome {
             main["test_poses"][0].take(),
             main["assessment"].take(),
             main["identification"].take(),
-            json!(basis(scenario)),
+            json!(basis(scenario, &digests)),
             keys,
             serde_json::to_value(&self.evidence)?,
         ];

@@ -178,7 +178,9 @@ fn readings_of<'a>(
         }
         StudySource::Random | StudySource::RandomEach => {
             is_random = true;
-            let planning = wanted.planning(task, seed)?;
+            // Random plans know of no station that tells more than they ask.
+            let mut plannings = wanted.plannings(task, seed)?;
+            let planning = plannings.swap_remove(plannings.len() - 1);
             let plan = planning.random(measurements, seed, 0)?;
             (planning, plan)
         }

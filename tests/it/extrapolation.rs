@@ -59,9 +59,9 @@ fn beyond_what_was_read_is_said() {
     let compensate = "compensate --identified i.json --json --quiet";
     let found = codes(&place.run(compensate).json());
     assert!(found[0].contains("1 of 1 test pose outside"), "{found:?}");
-    // The same readings in another file.
-    place.write("own.csv", "# again\n".to_owned() + &place.read("m.csv"));
-    let own = "validate --identified i.json --measurements own.csv --json --quiet";
+    // What was fitted stands for other readings.
+    place.forget_readings("i.json");
+    let own = "validate --identified i.json --measurements m.csv --json --quiet";
     assert!(codes(&place.run(own).json()).is_empty());
     // More readings, to which joint error functions are fitted.
     assert_eq!(codes(&validated(&halves(21, 60))).len(), 1);
@@ -91,9 +91,9 @@ fn joint_errors_come_again_in_each_turn() {
         let validate = format!("validate --identified i.json --measurements {file} --json --quiet");
         place.run(&validate).json()
     };
-    // The same readings in another file.
-    place.write("own.csv", "# again\n".to_owned() + &text);
-    let [own, further] = ["own.csv", "further.csv"].map(validated);
+    // What was fitted stands for other readings.
+    place.forget_readings("i.json");
+    let [own, further] = ["m.csv", "further.csv"].map(validated);
     let rms = |found: &Value| {
         found["with_joint_errors"]["distance_mm"]["rms"]
             .as_f64()

@@ -640,3 +640,39 @@ fn rows_that_do_not_fit_are_refused() {
         &["x_mm: is empty"],
     );
 }
+
+/// A level table may tell what a tracker cannot, how the robot is tilted, and that is unknown then: a plan that does without is predicted as an
+/// identification of its readings is, and one is found that is no worse than without the table.
+#[test]
+fn plans_without_a_level_table_know_as_much_as_if_there_were_none() {
+    let place = Workplace::new();
+    place.write("arm.xml", ON_A_RAIL);
+    let without = RAIL
+        .split("[[uncertainty]]\nkind = \"link_rotation\"")
+        .next();
+    let without = without.expect("the table of rotations");
+    // The more the robot bends, the more it matters which way is down.
+    let without = without.replace("[60, 20, -140]", "[600, 200, -1400]");
+    let without = without.replace("[0, 0, -120]", "[0, 0, -1200]");
+    let table = "[instrument.height]\nsigma_mm = 0.02\n[[station]]\nname = \"table\"\nreads = \"height\"\nposition_mm = [0, 0, 0]\nrange_max_mm = 3000\n";
+    let level =
+        "[[uncertainty]]\nkind = \"station_rotation\"\nstations = [\"table\"]\nstd_mrad = 0.1\n";
+    let with = without.replace("[[test_pose]]", &format!("{table}[[test_pose]]")) + level;
+    place.write("without.toml", &without);
+    place.write("with.toml", with);
+    let groups = "--parameters zeros,links,compliances";
+    let planned = |name: &str| {
+        let json = place.json(&format!(
+            "plan {name}.toml {groups} --draw 8 --experiments 24 --plan-out {name}.csv"
+        ));
+        number(&json["rho0_mm"])
+    };
+    let [alone, beside] = ["without", "with"].map(planned);
+    let evaluate = format!("evaluate with.toml {groups} --plan with.csv");
+    let evaluated = number(&place.json(&evaluate)["rho0_mm"]);
+    assert!(
+        (evaluated / beside - 1.0).abs() < 1e-6,
+        "{evaluated} {beside}"
+    );
+    assert!(beside <= alone * 1.05, "{beside} {alone}");
+}

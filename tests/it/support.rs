@@ -68,6 +68,13 @@ impl Workplace {
         std::fs::write(self.path(name), content).expect("the file can be written");
     }
 
+    /// Takes from an identified file which readings it is of, so that these stand for others.
+    pub fn forget_readings(&self, name: &str) {
+        let mut json: Value = serde_json::from_str(&self.read(name)).expect("JSON");
+        json["reading_digests"] = Value::Null;
+        self.write(name, json.to_string());
+    }
+
     /// Reads a text file.
     pub fn read(&self, name: &str) -> String {
         std::fs::read_to_string(self.path(name)).expect("the file can be read")

@@ -63,20 +63,61 @@ fn a_prediction_is_kept_or_not() {
     );
 }
 
+/// What was fitted says nothing of a prediction, in whatever order its rows are and beside whatever others.
+#[test]
+fn fitted_readings_are_known_again() {
+    let workplace = identified();
+    workplace.run("validate --quiet --identified i.json --experiments 4 --plan-out v.csv");
+    workplace.run("measure s.toml --quiet --plan v.csv --seed 7 --measurements-out other.csv");
+    let rows = |file: &str| -> Vec<String> {
+        let text = workplace.read(file);
+        let rows = text.lines().filter(|line| !line.starts_with('#'));
+        rows.map(str::to_owned).collect()
+    };
+    let (own, other) = (rows("m.csv"), rows("other.csv"));
+    let header = &own[..1];
+    let reversed: Vec<String> = own[1..].iter().rev().cloned().collect();
+    workplace.write("reversed.csv", [header, &reversed].concat().join("\n"));
+    workplace.write("more.csv", [&other[..], &own[2..]].concat().join("\n"));
+    workplace.write("half.csv", [&other[..3], &own[2..]].concat().join("\n"));
+    let validate = |file: &str| {
+        let command = format!("validate --quiet --identified i.json --measurements {file}");
+        workplace.run(&command)
+    };
+    for file in ["m.csv", "reversed.csv"] {
+        let problem = "holds the same readings as i.json was identified from";
+        (validate(file).ends_with(1)).says(&format!("error E0302: {file}: {problem}"));
+    }
+    let problem = "2 of 4 readings are the same as i.json was identified from";
+    (validate("half.csv").ends_with(1)).says(&format!("error E0302: half.csv: {problem}"));
+    let few = "more.csv: 2 of 6 readings are the same as i.json was identified from";
+    let told = validate("more.csv").stdout;
+    assert!(told.contains(few), "{told}");
+    let told = validate("other.csv").ends_with(0).stdout;
+    assert!(!told.contains("the same"), "{told}");
+    // What a prior rests on counts once.
+    let key = "[robot]\nprior = \"i.json\"\n";
+    let prior = scenario_text("klimchik2012").replace("[robot]\n", key);
+    workplace.write("p.toml", prior);
+    for command in ["identify", "next"] {
+        let of =
+            |file: &str| workplace.run(&format!("{command} p.toml --quiet --measurements {file}"));
+        let problem = "holds the same readings as robot.prior was identified from";
+        (of("reversed.csv").ends_with(1)).says(&format!("error E0302: reversed.csv: {problem}"));
+        of("other.csv").ends_with(0);
+    }
+}
+
 /// A tolerance is kept, broken, or neither can be said: the guard band is the expanded uncertainty of a measurement, 2.7955 sigma for
 /// three equal coordinates.
 #[test]
 fn a_tolerance_with_a_guard_band_is_kept_or_not() {
     let workplace = identified();
-    // What was fitted says nothing of a prediction; here it stands for other measurements.
-    workplace
-        .run("validate --quiet --identified i.json --measurements m.csv")
-        .ends_with(1)
-        .says("error E0302: m.csv: holds the same readings as i.json was identified from");
-    workplace.write("own.csv", "# again\n".to_owned() + &workplace.read("m.csv"));
+    // What was fitted stands for other measurements.
+    workplace.forget_readings("i.json");
     let judged = |options: &str, code: i32| {
         let arguments =
-            "validate --quiet --identified i.json --measurements own.csv --json --tolerance-um";
+            "validate --quiet --identified i.json --measurements m.csv --json --tolerance-um";
         let outcome = workplace
             .run(&format!("{arguments} {options}"))
             .ends_with(code);

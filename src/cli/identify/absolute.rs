@@ -5,7 +5,7 @@ use crate::identification::{
     AbsoluteMessage, IdentificationError, Inconsistencies, JointError, ModelSelection,
     MountedFrameMessage, ReadingWeights, UnexplainedMessage,
 };
-use crate::measurement::{AbsoluteReading, read_measured};
+use crate::measurement::{AbsoluteReading, digests_of, read_measured};
 use crate::quantities::units::shown_unit;
 use crate::record::model_selection::model_selection_json;
 use crate::record::uncertainties::uncertainty_tables;
@@ -18,7 +18,7 @@ use crate::workflow::identify::{
 
 use super::{Identify, JointErrorsUse};
 use crate::cli::command_prelude::*;
-use crate::cli::identified::refuse_same;
+use crate::cli::identified::refuse_fitted;
 use crate::cli::residuals;
 use crate::cli::table::{DISTANCES, distances, numbers, residual_name};
 
@@ -55,6 +55,7 @@ impl Identify {
                 model_selection.is_none_or(ModelSelection::recommends_joint_errors);
         }
         let mut identified = identify_absolute(belief, readings, groups, choices).map_err(wrong)?;
+        let mut again = String::new();
         if let Some(other) = &self.against {
             let why = ", and absolute readings are held against it";
             let others = read_measured(other, &scenario.task)?.absolute(other, why)?;
@@ -62,8 +63,10 @@ impl Identify {
                 file.display(),
                 "--against takes another series of the robot",
             );
-            let is_same = others == readings && !identified.case.may_repeat();
-            refuse_same(other, is_same, &same.to_string(), hint)?;
+            let digests = [&*others, readings].map(digests_of);
+            let digests = digests.each_ref().map(|each| &**each);
+            let may_repeat = || identified.case.may_repeat();
+            again = refuse_fitted(other, digests, may_repeat, &same.to_string(), hint)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
             (identified.compare(belief, &others, (groups, weights), between))
                 .map_err(|error| error.in_file(other))?;
@@ -71,6 +74,7 @@ impl Identify {
         let mut report = Report {
             json: identified.json(scenario, &self.common.provenance(scenario)?, groups)?,
             conditions: identified.conditions(),
+            text: again,
             ..Report::default()
         };
         if let Some(found) = model_selection {

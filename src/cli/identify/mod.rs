@@ -11,6 +11,7 @@ use crate::task::Method;
 use crate::view::plots::patterns_plot;
 
 use super::command_prelude::*;
+use super::identified::refuse_prior;
 
 /// Whether joint error functions are used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -88,12 +89,14 @@ impl Identify {
             MeasuredFile::Absolute(_) => AccuracyKind::Absolute,
         };
         (self.common).refuse_for("identify", &self.measurements, held)?;
+        let again = refuse_prior(&scenario, &self.measurements, &measured)?;
         let mut report = match measured {
             MeasuredFile::Deflections(measurements) => {
                 self.of_deflections(&scenario, origin.as_ref(), &measurements)?
             }
             MeasuredFile::Absolute(readings) => self.of_absolute(&scenario, &readings)?,
         };
+        report.text = again + &report.text;
         if controller_compensates(&self.measurements)? {
             let words = "the controller compensated deflections itself (KUKA: $ABS_ACCUR), as the file of measurements says";
             let condition = ConditionCode::ControllerCompensates.with(words);

@@ -8,9 +8,9 @@ use serde_json::Value;
 use super::deflections::IdentificationMessage;
 use super::robot::StoredRobot;
 use crate::codes::ErrorCode;
+use crate::files::FileError;
 use crate::files::schema::read_results;
 use crate::files::typed::from_json;
-use crate::files::{FileError, hexadecimal, sha256_of};
 use crate::measurement::{Origin, SimulatedRun};
 use crate::task::{Fingerprint, LeftNominal};
 
@@ -49,6 +49,8 @@ pub struct IdentificationBasis {
     pub scenario_file: Option<String>,
     /// The names of the error sources.
     pub error_sources: Option<Vec<String>>,
+    /// The digests of all readings, those among them that were left out, and of what was known before.
+    pub reading_digests: Option<Vec<u64>>,
 }
 
 /// What deflections leave; files of earlier versions do not say all of it.
@@ -116,14 +118,5 @@ impl IdentifiedFile {
             scenario_sha256: hash.to_owned(),
             simulated: SimulatedRun::deserialize(&self.json["simulated"]).ok(),
         })
-    }
-
-    /// Whether it was made from a file, by its hash.
-    ///
-    /// # Errors
-    /// That file cannot be read.
-    pub fn is_from(&self, measurements: &Path) -> Result<bool, FileError> {
-        let hash = &self.json["provenance"]["inputs_sha256"]["measurements"];
-        Ok(*hash == hexadecimal(&sha256_of(measurements)?))
     }
 }

@@ -257,7 +257,7 @@ impl LookedAt {
                     "a gear, encoder or bearing that is not round, or a geometry that the model lacks",
                 );
                 let at = if waves > WAVES_TO_SEE {
-                    "deg of one wave"
+                    "deg of the harmonic"
                 } else {
                     "deg"
                 };

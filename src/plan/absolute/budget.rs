@@ -17,7 +17,21 @@ impl ReadingsWanted<'_> {
     ///
     /// # Errors
     /// The candidates do not determine the tool's place, or none of these numbers of them does.
-    pub fn of_sizes(
+    pub fn of_sizes<'t>(
+        &self,
+        plannings: Vec<AbsolutePlanning<'t>>,
+        counts: RangeInclusive<u32>,
+        wanted_m: Option<f64>,
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<(AbsolutePlanning<'t>, Vec<AbsolutePlan>), CandidateError> {
+        Self::best_of(plannings, watch, |planning, here| {
+            self.of_sizes_among(planning, counts.clone(), wanted_m, seed, here)
+        })
+    }
+
+    /// The same among what may be read from some stations.
+    fn of_sizes_among(
         &self,
         planning: &mut AbsolutePlanning<'_>,
         counts: RangeInclusive<u32>,

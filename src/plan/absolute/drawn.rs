@@ -110,10 +110,12 @@ impl ReadingsWanted<'_> {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), CandidateError> {
-        let mut planning = self.planning(task, seed)?;
-        let found = self.design_from(&planning, &[], size, seed, watch)?;
-        let placed = self.placed(&mut planning, vec![found])?.remove(0);
-        Ok((planning, placed))
+        let plannings = self.plannings(task, seed)?;
+        let (planning, mut placed) = Self::best_of(plannings, watch, |planning, here| {
+            let found = self.design_from(planning, &[], size, seed, here)?;
+            self.placed(planning, vec![found])
+        })?;
+        Ok((planning, placed.remove(0)))
     }
 
     /// The same of what may be read, and no worse than a plan that is known: rows, and how often each is read. Where configurations are
@@ -287,7 +289,7 @@ impl Rounds<'_> {
 
 impl AbsolutePlanning<'_> {
     /// What may be chosen: candidates that are not measured.
-    fn offered(&self) -> &[Candidate] {
+    pub(super) fn offered(&self) -> &[Candidate] {
         &self.candidates[..self.candidates.len() - self.measured.len()]
     }
 
@@ -435,8 +437,10 @@ fn near_test_poses(task: &Task, offered: &[Candidate], seed: u64) -> Vec<Candida
     let load = load.unwrap_or(Load::NONE);
     let apart = task.test_poses.len().div_ceil(MOST_POSES);
     let poses = task.test_poses.iter().step_by(apart);
+    let is_offered = |row: &Candidate| offered.iter().any(|each| each.station == row.station);
     let at: Vec<Candidate> = poses
         .flat_map(|pose| rows_at(task, &pose.configuration_rad, load, 0))
+        .filter(is_offered)
         .collect();
     let rounds = (POSES..).zip(STEPS.iter().chain(&STEPS));
     rounds

@@ -15,6 +15,7 @@ mod drawn;
 mod from_rows;
 mod joint_functions;
 mod lengths;
+mod offers;
 mod predicted_accuracy;
 mod readable;
 mod stations;

@@ -1,7 +1,7 @@
 //! The search for the best plan of a finite list of candidates: rounded weights, the greedy plan and random ones, each bettered by
 //! exchanges until none helps.
 //!
-//! Exchanges try the few candidates that prediction most by the cost's derivative. Where none of these helps any more, a thorough pass
+//! Exchanges try the few candidates that promise most by the cost's derivative. Where none of these helps any more, a thorough pass
 //! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
@@ -30,7 +30,7 @@ const PASSES: usize = 60;
 const FEW: usize = 6000;
 /// How many these are.
 const SHORT_LIST: usize = 1000;
-/// Of those that prediction most, so many are tried.
+/// Of those that promise most, so many are tried.
 const TRIED: usize = 24;
 /// The same for criteria that take eigenvalues.
 const TRIED_OF_OTHERS: usize = 8;
@@ -73,7 +73,7 @@ pub struct FiniteEffort {
     pub searches: usize,
     /// Of random numbers.
     pub seed: u64,
-    /// Whether exchanges try in the end all candidates that may help, too, and not alone those that prediction most.
+    /// Whether exchanges try in the end all candidates that may help, too, and not alone those that promise most.
     pub is_thorough: bool,
 }
 
@@ -293,7 +293,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         found
     }
 
-    /// Exchanges measurements for those that prediction most, one at a time and all of a configuration at once, until none helps.
+    /// Exchanges measurements for those that promise most, one at a time and all of a configuration at once, until none helps.
     fn improved_by_promising(&mut self, plan: CandidatePlan) -> FoundAmong {
         let is_few = self.problem.told.count() <= FEW;
         let mut is_complete = is_few;
@@ -403,7 +403,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         }
     }
 
-    /// The candidate that is best measured so often beside a plan, of as many as are tried of those that prediction most by their
+    /// The candidate that is best measured so often beside a plan, of as many as are tried of those that promise most by their
     /// derivatives, which are finite where they may be; with the cost.
     fn best_addition(
         &mut self,

@@ -217,6 +217,7 @@ fn campaign_of(
     }
     PriorCampaign {
         sources: basis.error_sources.unwrap_or_default(),
+        reading_digests: basis.reading_digests.unwrap_or_default(),
         cross,
         covariance: all.view((own, own), (others, others)).into_owned(),
         listed,

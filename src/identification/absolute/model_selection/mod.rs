@@ -4,7 +4,7 @@
 //! what the highest nested model leaves unexplained. What a model leaves is alike in configurations that are near each other, so nested models are
 //! compared by blocks of joint space: each block is predicted by a fit to all others. Of the nested models whose loss is
 //! within one standard error of the smallest (of the difference, from block to block) the lowest is recommended. Joint error functions
-//! beside it are one model more: they are recommended if their loss is smaller by more than one standard error.
+//! beside it are one model more: they are recommended if their loss is smaller by more than two standard errors.
 //!
 //! Readings that lie far out of the highest nested model are no matter of any: all nested models are fitted to the others and judged by them.
 
@@ -39,7 +39,7 @@ const BLOCKS: usize = 16;
 /// So many different configurations in each.
 const IN_A_BLOCK: usize = 2;
 /// Why a group makes no model that is none.
-const NOTHING_NEW: &str = "adds nothing that this robot has";
+const NOTHING_NEW: &str = "this robot has none, or all models have them";
 
 /// Models of a robot, each with one group of parameters more.
 #[derive(Debug, Clone)]

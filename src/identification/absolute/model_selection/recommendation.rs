@@ -4,6 +4,8 @@ use super::{CrossValidation, NestedModel};
 
 /// Losses that differ by less than this share of them are equal: of models whose further unknowns nothing determines.
 const ROUNDING: f64 = 1e-9;
+/// A loss that is smaller by so many standard errors of the difference is clearly smaller.
+const CLEAR: f64 = 2.0;
 
 /// Which nested model to use.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,7 +22,7 @@ pub struct Recommendation {
 
 impl Recommendation {
     /// Compares the recommended model with the same that has joint error functions beside its parameters: that is recommended if its loss is
-    /// smaller by more than one standard error of the difference.
+    /// smaller by more than [`CLEAR`] standard errors of the difference.
     pub(super) fn compare_joint_errors(&mut self, without: &NestedModel, with: &mut NestedModel) {
         let (Ok(plain), Ok(judged)) = (&without.cross_validation, &mut with.cross_validation)
         else {
@@ -28,7 +30,7 @@ impl Recommendation {
         };
         let (apart, error) = difference(judged, plain);
         (judged.beyond_best, judged.standard_error) = (plain.beyond_best + apart, error);
-        self.with_joint_errors = apart < -error;
+        self.with_joint_errors = apart < -CLEAR * error;
         let rms_mm = judged.distances.map_or(0.0, |each| each.rms * 1e3);
         let (side, verdict) = match (apart < 0.0, self.with_joint_errors) {
             (true, true) => ("smaller", "they are used"),

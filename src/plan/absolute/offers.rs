@@ -1,0 +1,119 @@
+//! What may be read from all stations, and from fewer.
+//!
+//! What readings cannot tell apart an identification takes as the planner's model has it. A station of whose frame something is known, such as
+//! a level table, may tell it, and it is unknown then. So plans that do without such a station are predicted with fewer unknowns, and may be better.
+
+use super::{AbsolutePlan, AbsolutePlanning, CandidateError, ReadingsWanted};
+use crate::experiment::Candidate;
+use crate::plan::search::Watch;
+use crate::task::Task;
+
+/// Plans do without any of so many stations of whose frames something is known, and of more without all of them.
+const FEW: usize = 4;
+
+impl ReadingsWanted<'_> {
+    /// What may be read under a seed: from all stations first, and without some where fewer parameters are unknown then.
+    ///
+    /// # Errors
+    /// As [`planning`](Self::planning).
+    pub fn plannings<'t>(
+        &self,
+        task: &'t Task,
+        seed: u64,
+    ) -> Result<Vec<AbsolutePlanning<'t>>, CandidateError> {
+        let all = self.planning(task, seed)?;
+        let known = all.known_stations();
+        let subsets = 1_usize << known.len().min(FEW);
+        let mut plannings = vec![all];
+        for subset in 1..subsets {
+            let is_without = |place: usize| known.len() > FEW || subset >> place & 1 == 1;
+            let without = (0..known.len()).filter(|&place| is_without(place));
+            let without: Vec<usize> = without.map(|place| known[place]).collect();
+            let all = &plannings[0];
+            let rows = all.offered().iter().enumerate();
+            let rows = rows.filter(|(place, _)| !without.contains(&all.station_of(*place)));
+            let rows: Vec<Candidate> = rows.map(|(_, row)| row.clone()).collect();
+            // The others alone may tell nothing.
+            let fewer = AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows);
+            let fewer = fewer.ok().filter(|fewer| fewer.unknowns() < all.unknowns());
+            let offer = all.offer.clone();
+            plannings.extend(fewer.map(|fewer| AbsolutePlanning { offer, ..fewer }));
+            if known.len() > FEW {
+                break;
+            }
+        }
+        Ok(plannings)
+    }
+
+    /// The best plans of rising numbers of readings that are found by some search among what may be read, with that: those of which the last one
+    /// predicts least. No plan of any is below their bounds.
+    pub(super) fn best_of<'t>(
+        plannings: Vec<AbsolutePlanning<'t>>,
+        watch: Watch<'_>,
+        search: impl Fn(
+            &mut AbsolutePlanning<'t>,
+            Watch<'_>,
+        ) -> Result<Vec<AbsolutePlan>, CandidateError>,
+    ) -> Result<(AbsolutePlanning<'t>, Vec<AbsolutePlan>), CandidateError> {
+        let parts = plannings.len();
+        let mut found = Vec::new();
+        let mut wrong = None;
+        for (number, mut planning) in plannings.into_iter().enumerate() {
+            match watch.part(number, parts, |here| search(&mut planning, here)) {
+                Ok(plans) => found.push((planning, plans)),
+                Err(error) => wrong = wrong.or(Some(error)),
+            }
+        }
+        let rho0_m = |(planning, plans): &(AbsolutePlanning<'_>, Vec<AbsolutePlan>)| {
+            let last = plans.last();
+            let rho0_m = last.and_then(|last| planning.prediction(&last.plan).rho0_m());
+            rho0_m.unwrap_or(f64::INFINITY)
+        };
+        let order = |one: &usize, other: &usize| {
+            let [one, other] = [one, other].map(|&place| rho0_m(&found[place]));
+            one.total_cmp(&other)
+        };
+        let best = (0..found.len()).min_by(order);
+        let Some(best) = best else {
+            return Err(wrong.unwrap_or_else(CandidateError::undetermined));
+        };
+        let (planning, mut plans) = found.swap_remove(best);
+        for plan in &mut plans {
+            for (_, others) in &found {
+                let size = plan.readings();
+                let other = others.iter().find(|other| other.readings() == size);
+                let other = other.and_then(|other| other.bound.as_ref());
+                plan.bound = match (plan.bound.take(), other) {
+                    (Some(own), Some(other)) if other.best < own.best => Some(other.clone()),
+                    (own, other) => own.filter(|_| other.is_some()),
+                };
+            }
+        }
+        Ok((planning, plans))
+    }
+}
+
+impl AbsolutePlan {
+    /// How many readings it has.
+    fn readings(&self) -> u32 {
+        self.plan.iter().map(|(_, times)| times).sum()
+    }
+}
+
+impl AbsolutePlanning<'_> {
+    /// How many parameters are unknown besides frames.
+    fn unknowns(&self) -> usize {
+        let all = self.set.parameters().iter();
+        all.filter(|each| !each.kind.is_mounted()).count()
+    }
+
+    /// The stations of whose frames something is known, by their numbers.
+    fn known_stations(&self) -> Vec<usize> {
+        let is_known = |station: &usize| {
+            let kinds = self.case.base_kinds(*station).into_iter();
+            let mut places = kinds.filter_map(|kind| self.set.index_of(kind));
+            places.any(|place| self.set.parameters()[place].prior_deviation.is_some())
+        };
+        (0..self.stations().len()).filter(is_known).collect()
+    }
+}
