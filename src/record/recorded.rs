@@ -39,15 +39,6 @@ pub struct IdentifiedReadings<'a> {
     pub true_values: Vec<Option<f64>>,
 }
 
-/// What was identified in a run.
-#[derive(Debug)]
-pub enum IdentifiedOnce<'a> {
-    /// From deflections.
-    Deflections(IdentificationRecord<'a>),
-    /// From absolute readings.
-    Readings(IdentifiedReadings<'a>),
-}
-
 /// A reading of a run.
 #[derive(Debug)]
 pub enum ReadOnce<'a> {
@@ -108,25 +99,6 @@ pub struct MeasurementRecord {
 }
 
 impl RunMessage {
-    /// What was identified, beside the simulated truth.
-    pub fn identified(&self) -> IdentifiedOnce<'_> {
-        match &self.measured {
-            MeasuredMessage::Deflections { identification, .. } => {
-                IdentifiedOnce::Deflections(IdentificationRecord {
-                    identification,
-                    true_compliance_rad_per_nm: &self.truth.compliance_rad_per_nm,
-                })
-            }
-            MeasuredMessage::Readings { identification, .. } => {
-                let unknowns = self.truth.unknowns.iter().flatten();
-                IdentifiedOnce::Readings(IdentifiedReadings {
-                    identification,
-                    true_values: unknowns.map(|each| each.value).collect(),
-                })
-            }
-        }
-    }
-
     /// What was read in a row of the plan, numbered from 1: these of all readings.
     pub fn read_in(&self, row: usize, these: Range<usize>) -> impl Iterator<Item = ReadOnce<'_>> {
         (1..)

@@ -17,9 +17,8 @@ use re_sdk::log::ChunkBatcherConfig;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
 
-use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind, shown};
+use super::recording::{RecordedCalibration, Recording, ShownTool, ShownVector, Step, shown};
 use crate::files::{FileError, output::write_whole};
-use crate::record::recorded::ReadOnce;
 use blueprint::{Clock, Layout};
 
 /// Whether a stream took what was logged.
@@ -136,23 +135,11 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
             named = Some(&calibration.record.name);
         }
         log_step(stream, recording, (calibration, step), &mut mounted)?;
-        for groups in measured(calibration, step) {
+        for read in calibration.read_in(step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);
-            let values = groups.into_iter().flat_map(|(group, values)| {
-                let values = AXES.into_iter().zip(values);
-                values.filter_map(move |(axis, value)| Some((group, axis, value?)))
-            });
-            for (group, (axis, colour), value) in values {
-                let path = entity_path!["measurements", group, axis];
-                if styled.insert((group, axis)) {
-                    let series = SeriesPoints::new()
-                        .with_colors([colour])
-                        .with_names([axis])
-                        .with_marker_sizes([4.0]);
-                    stream.log_static(path.clone(), &series)?;
-                }
-                stream.log(path, &Scalars::single(value))?;
+            for shown in shown(&read) {
+                log_curves(stream, &shown, &mut styled)?;
             }
         }
         stream.disable_timeline(MEASUREMENT);
@@ -172,29 +159,28 @@ fn log_step(
     stream.log("text/step", &described)
 }
 
-/// What was measured in a step and what identification left of it (mm) along [`AXES`], measurement by measurement; none in a test
-/// pose.
-type Groups = Vec<(&'static str, [Option<f64>; 4])>;
-
-fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
-    let StepKind::Experiment {
-        number,
-        measurements,
-    } = &step.kind
-    else {
-        return Vec::new();
+/// A vector of a reading (mm) along [`AXES`]; `styled` are the curves that have their colours.
+fn log_curves(
+    stream: &RecordingStream,
+    shown: &ShownVector,
+    styled: &mut BTreeSet<(&'static str, &'static str)>,
+) -> Logged {
+    let Some(group) = shown.group else {
+        return Ok(());
     };
-    let groups = |read: ReadOnce<'_>| {
-        let shown = shown(&read).into_iter();
-        let shown = shown.filter_map(|each| {
-            let [x, y, z] = each.vector_mm.map_or([None; 3], |vector| vector.map(Some));
-            Some((each.group?, [x, y, z, each.along_mm]))
-        });
-        shown.collect()
-    };
-    let record = &calibration.record;
-    record
-        .read_in(*number, measurements.clone())
-        .map(groups)
-        .collect()
+    let values = shown.vector_mm.map_or([None; 3], |vector| vector.map(Some));
+    let values = values.into_iter().chain([shown.along_mm]);
+    for ((axis, colour), value) in AXES.into_iter().zip(values) {
+        let Some(value) = value else { continue };
+        let path = entity_path!["measurements", group, axis];
+        if styled.insert((group, axis)) {
+            let series = SeriesPoints::new()
+                .with_colors([colour])
+                .with_names([axis])
+                .with_marker_sizes([4.0]);
+            stream.log_static(path.clone(), &series)?;
+        }
+        stream.log(path, &Scalars::single(value))?;
+    }
+    Ok(())
 }

@@ -99,8 +99,7 @@ fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -
 }
 
 fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Logged {
-    let [unloaded, enlarged] =
-        [&step.unloaded, &step.enlarged].map(|stance| &stance.world_from_link);
+    let [unloaded, _, enlarged] = (step.arms.each_ref()).map(|arm| &arm.world_from_link);
     for (body, (unloaded, enlarged)) in recording.links.iter().zip(unloaded.iter().zip(enlarged)) {
         stream.log(link_path("robot", body), &transform(unloaded))?;
         stream.log(link_path("loaded", body), &transform(enlarged))?;

@@ -2,12 +2,12 @@
 
 use nalgebra::Vector3;
 
-use crate::record::messages::ProvenanceMessage;
+use crate::record::messages::{ProvenanceMessage, thousandfold};
 use crate::record::run::MeasuredMessage;
 use crate::text::markdown_text;
 use crate::text::table::RecordTable;
 use crate::text::wording::{listed, micrometres, number};
-use crate::view::recording::{RecordedCalibration, Recording, Step, StepKind, shown};
+use crate::view::recording::{RecordedCalibration, Recording, ShownVector, Step, shown};
 use crate::view::tables;
 
 /// What the robot does in a step.
@@ -20,60 +20,48 @@ pub(super) fn step(calibration: &RecordedCalibration, step: &Step) -> String {
         ),
         None => "No load.".to_owned(),
     };
-    let table = match &step.kind {
-        StepKind::Experiment {
-            number,
-            measurements,
-        } => {
-            let read = record.read_in(*number, measurements.clone());
-            let shown: Vec<_> = read.flat_map(|read| shown(&read)).collect();
-            let planned = record.plan.get(number - 1);
-            let direction = planned.and_then(|planned| planned.direction);
-            let along = direction.map_or_else(
-                || "length".to_owned(),
-                |along| format!("along {}", listed(along, 4)),
-            );
-            let is_along = shown.iter().any(|each| each.along_mm.is_some());
-            let rows = shown.into_iter();
-            let rows = rows.map(|each| row(each.label, each.vector_mm, each.along_mm));
-            let along = if is_along { &*along } else { "" };
-            vectors(along, rows)
-        }
-        StepKind::TestPose { .. } => {
-            let off = (step.displacement_m() * 1e3).into();
-            let place = match record.measured {
-                MeasuredMessage::Deflections { .. } => "off the wanted place [mm]",
-                MeasuredMessage::Readings { .. } => "off the predicted place [mm]",
-            };
-            vectors("", [row(place, Some(off), None)])
-        }
+    let place = match record.measured {
+        MeasuredMessage::Deflections { .. } => "off the wanted place [mm]",
+        MeasuredMessage::Readings { .. } => "off the predicted place [mm]",
     };
-    let joints = calibration.commands.shown(step.commanded_rad.as_slice());
+    let shown: Vec<ShownVector> = match step.number {
+        Some(_) => (calibration.read_in(step))
+            .flat_map(|read| shown(&read))
+            .collect(),
+        None => vec![ShownVector {
+            label: place,
+            group: None,
+            vector_mm: Some(thousandfold(&step.displacement_m())),
+            along_mm: None,
+        }],
+    };
+    let along = step.did.direction.map_or_else(
+        || "length".to_owned(),
+        |along| format!("along {}", listed(along.iter().copied(), 4)),
+    );
+    let columns = 5 + usize::from(shown.iter().any(|each| each.along_mm.is_some()));
+    let header = format!("| x | y | z | length | {along}");
+    let table = RecordTable::new(&header, shown.iter().map(row)).first(columns);
+    let joints = (calibration.commands).shown(step.did.commanded_rad.as_slice());
     format!(
-        "## {}: {}\n\n{load}\n\n{table}\nCommanded [{}]: {}\n",
+        "## {}: {}\n\n{load}\n\n{}\nCommanded [{}]: {}\n",
         markdown_text(&record.name),
-        markdown_text(&calibration.title(step)),
+        markdown_text(&step.title),
+        table.markdown(),
         calibration.commands.unit(),
         listed(joints, 2)
     )
 }
 
-/// A table of vectors, and of what a gauge or a ballbar reads under a name, if it does.
-fn vectors(along: &str, rows: impl IntoIterator<Item = Vec<String>>) -> String {
-    let columns = if along.is_empty() { 5 } else { 6 };
-    let table = RecordTable::new(&format!("| x | y | z | length | {along}"), rows);
-    table.first(columns).markdown()
-}
-
-/// A vector as far as it is known, and what of it is along the direction.
-fn row(name: &str, vector: Option<[f64; 3]>, along: Option<f64>) -> Vec<String> {
-    let cells = vector.map_or([None; 4], |each| {
+/// A vector as far as it is known, and what of it is along a direction.
+fn row(shown: &ShownVector) -> Vec<String> {
+    let cells = shown.vector_mm.map_or([None; 4], |each| {
         let [x, y, z] = each;
         [x, y, z, Vector3::from(each).norm()].map(Some)
     });
-    let cells = cells.into_iter().chain([along]);
+    let cells = cells.into_iter().chain([shown.along_mm]);
     let cells = cells.map(|value| number(value, 3));
-    [name.to_owned()].into_iter().chain(cells).collect()
+    [shown.label.to_owned()].into_iter().chain(cells).collect()
 }
 
 /// What a calibration identified, and what that achieves.
