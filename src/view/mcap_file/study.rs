@@ -16,15 +16,6 @@ use crate::view::study_recording::{Snapshot, StudyRecording};
 const PROGRESS: Topic = Topic("/study/progress", "elastocal.StudyProgress");
 const STUDY: Topic = Topic("/study", "elastocal.Study");
 
-/// What the runs so far say.
-#[derive(Debug, Serialize, JsonSchema)]
-struct ProgressRecord<'a> {
-    /// How many runs.
-    runs: u64,
-    /// What they say of each plan.
-    plans: &'a [StudyPlanMessage],
-}
-
 /// What the study comes to.
 #[derive(Debug, Serialize, JsonSchema)]
 struct StudyRecord<'a> {
@@ -51,8 +42,7 @@ pub fn write_study_mcap(
         let mut now = Duration::ZERO;
         for snapshot in snapshots {
             now += minutes(1.0);
-            let Snapshot { runs, plans } = snapshot;
-            channels.write(&PROGRESS, now, &ProgressRecord { runs: *runs, plans })?;
+            channels.write(&PROGRESS, now, snapshot)?;
         }
         if let Some(last) = snapshots.last() {
             let header = &study.header;

@@ -3,7 +3,6 @@
 
 mod annotations;
 mod bodies;
-mod record;
 mod steps;
 
 use nalgebra::{Isometry3, Vector3};
@@ -23,7 +22,6 @@ use crate::text::wording::joined;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
-pub use record::{ShownVector, shown};
 use steps::{Stage, enlarge};
 
 /// Half of what is in view, upwards and across, over the distance; and how much farther away the eye is, since arms are thick.

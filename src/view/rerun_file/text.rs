@@ -1,13 +1,18 @@
-//! The texts beside the robot, in Markdown.
+//! The texts beside the robot and beside a study, in Markdown.
 
 use nalgebra::Vector3;
 
+use super::curves::{ShownVector, shown};
 use crate::record::messages::{ProvenanceMessage, thousandfold};
 use crate::record::run::MeasuredMessage;
+use crate::study::account::Contribution;
+use crate::task::AccuracyKind;
 use crate::text::markdown_text;
 use crate::text::table::RecordTable;
 use crate::text::wording::{listed, micrometres, number};
-use crate::view::recording::{RecordedCalibration, Recording, ShownVector, Step, shown};
+use crate::view::markup::for_page;
+use crate::view::recording::{RecordedCalibration, Recording, Step};
+use crate::view::study_recording::{Snapshot, StudyRecording};
 use crate::view::tables;
 
 /// What the robot does in a step.
@@ -114,15 +119,78 @@ pub(super) fn overview(recording: &Recording) -> String {
 }
 
 /// The scenario and what it is about.
-pub(super) fn heading(provenance: &ProvenanceMessage, description: &str) -> String {
+fn heading(provenance: &ProvenanceMessage, description: &str) -> String {
     let scenario = markdown_text(&provenance.scenario);
     format!("## {scenario}\n\n{}\n\n", markdown_text(description))
 }
 
 /// Where a recording comes from.
-pub(super) fn origin(provenance: &ProvenanceMessage) -> String {
+fn origin(provenance: &ProvenanceMessage) -> String {
     format!(
         "elastocal {}, commit {}, seed {}, scenario hash {}\n",
         provenance.version, provenance.commit, provenance.seed, provenance.scenario_sha256
     )
+}
+
+/// What is shown of a study, and where it comes from.
+pub(super) fn study(study: &StudyRecording) -> String {
+    let header = &study.header;
+    let mut text = heading(&header.provenance, &study.arms.description);
+    let (title, level) = (markdown_text(&header.title()), header.level.words());
+    text += &format!("{} runs of {title}, {level}.\n\n", header.trials);
+    text += match header.accuracy() {
+        AccuracyKind::Relative => {
+            "Each run measures a plan with fresh noise, identifies the compliances and compensates; \
+             the *distance* is what then remains between the loaded tool and where it should be at \
+             the test pose."
+        }
+        AccuracyKind::Absolute => {
+            "Each run reads a plan of another virtual robot and identifies it; the *distance* is that of the \
+             loaded tool from where the identified robot predicts it at the test poses."
+        }
+    };
+    text += " All plans see the same noise. Bars: % of runs per \u{b5}m, up to 95 % of them, of a plan and of what it is compared with.\n\n";
+    if header.shards > 1 {
+        text += &format!("This is one of {} shards of the study.\n\n", header.shards);
+    }
+    if study.arms.shows_robot() {
+        text += "The robot walks through the plans' experiments and the test poses, one a snapshot; the \
+                 timeline `step` has all of them. Red: force. Yellow: enlarged deflection. Translucent: \
+                 the loaded arm. Green: the instrument's line of sight, or the way that a gauge reads.\n\n";
+    }
+    text + &origin(&header.provenance)
+}
+
+/// What the runs of a study so far say.
+pub(super) fn study_table(study: &StudyRecording, snapshot: &Snapshot) -> String {
+    let failed: u64 = snapshot.plans.iter().map(|plan| plan.failed).sum();
+    let plans: Vec<_> = snapshot.plans.iter().collect();
+    let mut text = format!(
+        "**{} of {} runs**\n\n{}",
+        snapshot.runs,
+        study.header.trials,
+        tables::study(&plans, false).first(5).markdown()
+    );
+    for plan in &snapshot.plans {
+        if let Some(outcome) = plan.outcome() {
+            text += &format!("\n{}: {}.\n", markdown_text(&plan.name), for_page(&outcome));
+        }
+    }
+    if failed > 0 {
+        text += &format!("\n{failed} runs failed.\n");
+    }
+    text
+}
+
+/// Where each plan's errors come from, where the scenario lists what is uncertain.
+pub(super) fn study_sources(snapshot: &Snapshot) -> Option<String> {
+    let is_some = |part: &Contribution| part.contribution_um > Some(0.0);
+    let plans = snapshot.plans.iter();
+    let plans = plans.filter(|plan| plan.contributions.iter().any(is_some));
+    let listed = plans.map(|plan| {
+        let table = tables::contributions(&plan.contributions).markdown();
+        format!("#### {}\n\n{table}\n", markdown_text(&plan.name))
+    });
+    let text: String = listed.collect();
+    (!text.is_empty()).then_some(text)
 }
