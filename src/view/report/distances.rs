@@ -31,7 +31,7 @@ pub fn lines(
 }
 
 /// A figure over the whole page of lines that have something to draw; nothing of none.
-fn whole(chart: &Chart, title: &str) -> Option<String> {
+fn whole(chart: &Chart, title: &str) -> Option<Value> {
     (!chart.series.is_empty()).then(|| chart.figure(WHOLE, title))
 }
 
@@ -53,7 +53,7 @@ pub fn distances(lines: &[PlanLine<'_>]) -> Value {
 }
 
 /// The figure: a row for each plan with the distribution of its distances and its mean.
-fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+fn distances_figure(lines: &[PlanLine<'_>]) -> Option<Value> {
     let lines = with_runs(lines);
     let range = range(&lines);
     let outlines: Vec<_> = (lines.iter().map(|(runs, _)| outline(runs, &range))).collect();
@@ -89,7 +89,7 @@ fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
 }
 
 /// The mean of each plan with its 95 % interval.
-pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<Value> {
     let means = lines.iter().filter_map(|&(runs, colour)| {
         let [low, high] = runs.mean_ci95_mm?;
         Some((&runs.name, [low, runs.mean_mm?, high], colour))
@@ -117,7 +117,7 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
 }
 
 /// The share of each plan's runs that stay below an error.
-pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<Value> {
     let lines = with_runs(lines);
     let range = range(&lines);
     let series = |(index, (runs, colour)): (usize, &PlanLine<'_>)| {
