@@ -146,12 +146,15 @@ impl Chart {
         // Where the names of series stand above it: where they begin, and their middle.
         let (mut end, mut below) = (width, room(!title.is_empty(), TITLE));
         let legend = |each: &Series| {
+            if each.name.is_empty() {
+                return None;
+            }
             let room = SAMPLE + width_of([&each.name]);
             if end + room > width {
                 (end, below) = (across[0], below + LINE);
             }
             end += room + LINE;
-            (!each.name.is_empty()).then_some([end - room - LINE, below - 0.5 * LINE])
+            Some([end - room - LINE, below - 0.5 * LINE])
         };
         let legend: Vec<_> = self.series.iter().map(legend).collect();
         // So many lines have the names along x, by turns, where they are too long to stand beside one another.

@@ -35,15 +35,14 @@ pub fn compliances(found: &IdentificationMessage, truth: &TruthMessage, unit: &s
 
 /// What is achieved at each test pose: predicted, observed, and under a name without what was identified.
 pub fn test_poses(poses: &[TestPoseMessage], without: &str) -> RecordTable {
+    let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
     let rows = poses.iter().map(|pose| {
-        let distances_mm = [
-            pose.rho0_mm,
-            Some(pose.residual_mm),
-            Some(pose.uncompensated_mm),
-        ];
-        let micro = |value_mm: Option<f64>| number(value_mm.map(|value_mm| value_mm * 1e3), 2);
-        let name = [pose.name.clone()].into_iter();
-        name.chain(distances_mm.map(micro)).collect()
+        vec![
+            pose.name.clone(),
+            micro(pose.rho0_mm),
+            micro(Some(pose.residual_mm)),
+            micro(Some(pose.uncompensated_mm)),
+        ]
     });
     let header = format!(
         "test pose | predicted rms [\u{b5}m] | observed in this run [\u{b5}m] | {without} [\u{b5}m]"

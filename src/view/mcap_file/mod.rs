@@ -9,7 +9,7 @@ pub mod study;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -80,9 +80,8 @@ struct StepRecord {
 
 /// Writes a recording that any MCAP tool can read.
 pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    write_file(path, &recording.provenance, |mut channels| {
-        channels.write_recording(recording)?;
-        channels.finish()
+    write_file(path, &recording.provenance, |channels| {
+        channels.write_recording(recording)
     })
 }
 
@@ -90,7 +89,7 @@ pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
 fn write_file(
     path: &Path,
     provenance: &ProvenanceMessage,
-    write: impl FnOnce(Channels<BufWriter<&mut File>>) -> Result<(), McapError>,
+    write: impl FnOnce(&mut Channels) -> Result<(), McapError>,
 ) -> Result<(), FileError> {
     let mut output = Output::create(path)?;
     let options = WriteOptions::new()
@@ -101,11 +100,14 @@ fn write_file(
     let written = options
         .create(BufWriter::new(output.file()))
         .and_then(|writer| {
-            write(Channels {
+            let mut channels = Channels {
                 writer,
                 ids: BTreeMap::new(),
                 sequence: 0,
-            })
+            };
+            write(&mut channels)?;
+            channels.writer.finish()?;
+            Ok(channels.writer.into_inner().flush()?)
         });
     match written {
         Ok(()) => output.publish(),
@@ -115,13 +117,13 @@ fn write_file(
 }
 
 /// The file's writer, with a channel for each topic that has messages.
-struct Channels<W: Write + Seek> {
-    writer: Writer<W>,
+struct Channels<'a> {
+    writer: Writer<BufWriter<&'a mut File>>,
     ids: BTreeMap<&'static str, u16>,
     sequence: u32,
 }
 
-impl<W: Write + Seek> Channels<W> {
+impl Channels<'_> {
     fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
         let provenance = serde_json::to_value(&recording.provenance);
         let provenance = provenance.map_err(std::io::Error::from)?;
@@ -144,11 +146,6 @@ impl<W: Write + Seek> Channels<W> {
             self.draw(SCENE, start, &scene::scenery(recording, start))?;
         }
         self.write_steps(recording)
-    }
-
-    fn finish(mut self) -> Result<(), McapError> {
-        self.writer.finish()?;
-        Ok(self.writer.into_inner().flush()?)
     }
 
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {

@@ -37,7 +37,7 @@ pub fn write_study_mcap(
     study: &StudyRecording,
     snapshots: &[Snapshot],
 ) -> Result<(), FileError> {
-    write_file(path, &study.header.provenance, |mut channels| {
+    write_file(path, &study.header.provenance, |channels| {
         channels.write_recording(&study.arms)?;
         let mut now = Duration::ZERO;
         for snapshot in snapshots {
@@ -55,6 +55,6 @@ pub fn write_study_mcap(
             };
             channels.write(&STUDY, now, &record)?;
         }
-        channels.finish()
+        Ok(())
     })
 }

@@ -71,7 +71,7 @@ pub fn absolute_page(
 
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Value {
-    let lines = lines(std::slice::from_ref(&trials.runs), |_, _| false);
+    let lines = lines(std::slice::from_ref(&trials.runs), |_| false);
     json!({
         "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,

@@ -103,9 +103,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let budget = assessment.uncertainty_budget.as_ref();
     let page = shown.shown(&cards, budget, test_poses.as_ref(), &record.plan);
     // Random plans come last.
-    let lines = lines(&evidence.study, |place, _| {
-        place + 1 == evidence.study.len()
-    });
+    let lines = lines(&evidence.study, |place| place + 1 == evidence.study.len());
     let belief = &scenario.task.belief;
     let unit = belief.compliance_unit("1e-6");
     let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;

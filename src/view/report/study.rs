@@ -23,7 +23,7 @@ pub fn study_page(
     command: &str,
 ) -> Result<String, PageError> {
     let reference = header.reference();
-    let lines = lines(plans, |_, runs| Some(&*runs.name) == reference);
+    let lines = lines(plans, |place| Some(&*plans[place].name) == reference);
     let experiments = header.plans[0].conditions.experiments;
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise.",

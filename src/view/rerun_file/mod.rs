@@ -17,7 +17,7 @@ use re_sdk::log::ChunkBatcherConfig;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::TextDocument;
 
-use super::recording::{RecordedCalibration, Recording, ShownTool, Step};
+use super::recording::Recording;
 use crate::files::{FileError, output::write_whole};
 use crate::record::run::MeasuredMessage;
 use blueprint::{Clock, Layout};
@@ -134,7 +134,7 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
             stream.log("text/results", &results)?;
             named = Some(&calibration.record.name);
         }
-        log_step(stream, recording, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, recording, (calibration, step), &mut mounted)?;
         for read in calibration.read_in(step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);
@@ -145,16 +145,4 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
         stream.disable_timeline(MEASUREMENT);
     }
     Ok(())
-}
-
-/// The arms in a step, in pictures and in words; `mounted` is the tool of the step before.
-fn log_step(
-    stream: &RecordingStream,
-    recording: &Recording,
-    (calibration, step): (&RecordedCalibration, &Step),
-    mounted: &mut Option<ShownTool>,
-) -> Logged {
-    scene::log_step(stream, recording, step, mounted)?;
-    let described = TextDocument::from_markdown(text::step(calibration, step));
-    stream.log("text/step", &described)
 }

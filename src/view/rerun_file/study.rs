@@ -11,7 +11,7 @@ use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
 
 use super::blueprint::{self, Clock, Layout};
-use super::{Logged, STEP, begin, log_step, scene, text, write_stream};
+use super::{Logged, STEP, begin, scene, text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
 use crate::view::charts::plan_colours;
@@ -101,7 +101,7 @@ impl StudyStream {
         let steps = study.arms.steps().count().max(1);
         if let Some((_, calibration, step)) = study.arms.steps().nth(self.snapshots % steps) {
             let shown = (calibration, step);
-            log_step(stream, &study.arms, shown, &mut self.mounted)?;
+            scene::log_step(stream, &study.arms, shown, &mut self.mounted)?;
         }
         self.snapshots += 1;
         Ok(())
@@ -125,7 +125,7 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     let mut mounted = None;
     for (number, calibration, step) in study.arms.steps() {
         stream.set_time_sequence(STEP, number);
-        log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
     }
     stream.disable_timeline(STEP);
     Ok(())
