@@ -22,7 +22,7 @@ const AXIS: f64 = 88.0;
 /// The mean width of a letter in a wide font, and the height of a line.
 const LETTER: f64 = 14.5;
 const LINE: f64 = 46.0;
-/// The space around a drawing, the height of its title, and the room of a mark in the legend.
+/// The space around a drawing, the height of its title, and the room of a mark in the legend; lengths as in `pages/chart.svg`.
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 50.0;
 const SAMPLE: f64 = 48.0;

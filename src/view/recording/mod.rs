@@ -113,7 +113,7 @@ pub struct Step {
     pub did: CarriedOutRow,
     /// The arm without load, at a test pose where it is wanted; under the load; and loaded with its joints' deflections enlarged, as it is
     /// drawn.
-    pub arms: [Arm; 3],
+    pub arms: [ShownArm; 3],
     /// How many times the deflections are enlarged.
     pub enlargement: f64,
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
@@ -124,7 +124,7 @@ pub struct Step {
 
 /// The arm standing somewhere.
 #[derive(Debug, Clone)]
-pub struct Arm {
+pub struct ShownArm {
     /// The pose of each of [`Recording::links`] in the world frame.
     pub world_from_link: Vec<Isometry3<f64>>,
     /// The tool's position (m).

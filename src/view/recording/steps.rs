@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Arm, Body, ReadingLine, RecordedCalibration, ShownTool, Step, tool_name};
+use super::{Body, ReadingLine, RecordedCalibration, ShownArm, ShownTool, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
 use crate::record::run::{MeasuredMessage, RunMessage};
@@ -34,11 +34,11 @@ impl Stage {
 
     /// The arm of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
     /// observed.
-    fn arm(&mut self, coordinates: &[f64], tool_m: Vector3<f64>) -> Arm {
+    fn arm(&mut self, coordinates: &[f64], tool_m: Vector3<f64>) -> ShownArm {
         self.state.set_coordinates(coordinates);
         self.state.update_kinematics();
         let links = self.links.iter();
-        Arm {
+        ShownArm {
             world_from_link: links.map(|&body| self.state.body_pose(body)).collect(),
             tool_m,
         }
