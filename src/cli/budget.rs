@@ -219,7 +219,7 @@ impl Budget {
                 needed: found.needed.as_ref().map(|(point, _)| point),
             };
             let against = ["measurements", "time"][usize::from(self.by_minutes)];
-            let plot = plot.drawn(&format!("{}: accuracy against {against}", scenario.name));
+            let plot = plot.drawn(&format!("{}: accuracy against {against}", scenario.name))?;
             report.save(path, &plot);
         }
         let needed = found.needed.as_ref();

@@ -7,10 +7,9 @@ use crate::plan::search::{Bound, PlanSize, Watch};
 use crate::plan::{Criterion, take_nearest_turns};
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::shell_path;
-use crate::view::card::Card;
 use crate::view::markup::PageError;
 use crate::view::recording::{CarriedOutPlan, Recording};
-use crate::view::report::{PlanPage, absolute_page, readings_cards, run_cards, run_page};
+use crate::view::report::{Card, PlanPage, absolute_page, readings_cards, run_cards, run_page};
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{

@@ -63,7 +63,7 @@ impl Select {
         let mut report = Report::new(Value::Null, describe(&selection), Vec::new());
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
-            report.save(path, &selection_plot(title, &selection));
+            report.save(path, &selection_plot(title, &selection)?);
         }
         let keys = [
             json!({ "groups": self.parameters }),

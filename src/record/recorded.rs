@@ -39,15 +39,6 @@ pub struct IdentifiedReadings<'a> {
     pub true_values: Vec<Option<f64>>,
 }
 
-/// What was identified in a run.
-#[derive(Debug)]
-pub enum IdentifiedOnce<'a> {
-    /// From deflections.
-    Deflections(IdentificationRecord<'a>),
-    /// From absolute readings.
-    Readings(IdentifiedReadings<'a>),
-}
-
 /// A reading of a run.
 #[derive(Debug)]
 pub enum ReadOnce<'a> {
@@ -108,25 +99,6 @@ pub struct MeasurementRecord {
 }
 
 impl RunMessage {
-    /// What was identified, beside the simulated truth.
-    pub fn identified(&self) -> IdentifiedOnce<'_> {
-        match &self.measured {
-            MeasuredMessage::Deflections { identification, .. } => {
-                IdentifiedOnce::Deflections(IdentificationRecord {
-                    identification,
-                    true_compliance_rad_per_nm: &self.truth.compliance_rad_per_nm,
-                })
-            }
-            MeasuredMessage::Readings { identification, .. } => {
-                let unknowns = self.truth.unknowns.iter().flatten();
-                IdentifiedOnce::Readings(IdentifiedReadings {
-                    identification,
-                    true_values: unknowns.map(|each| each.value).collect(),
-                })
-            }
-        }
-    }
-
     /// What was read in a row of the plan, numbered from 1: these of all readings.
     pub fn read_in(&self, row: usize, these: Range<usize>) -> impl Iterator<Item = ReadOnce<'_>> {
         (1..)
@@ -136,7 +108,6 @@ impl RunMessage {
 
     /// What was read for the `repeat`-th time in a row, and is the `index`-th of all; nothing where there are not as many.
     fn read_once(&self, row: usize, repeat: usize, index: usize) -> Option<ReadOnce<'_>> {
-        let read = |vector_mm| self.as_read(index, vector_mm);
         match &self.measured {
             MeasuredMessage::Deflections {
                 measurements,
@@ -144,10 +115,11 @@ impl RunMessage {
                 ..
             } => {
                 let mut measurement = measurements.get(index)?.clone();
+                let along = measurement.direction.map(Vector3::from);
+                let read = |vector_mm| as_read(vector_mm, along);
                 let displacement_mm;
                 (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
-                let is_along = measurement.direction.is_some();
-                let own_mm = measurement.deflection_std_mm.take_if(|_| is_along);
+                let own_mm = (measurement.deflection_std_mm).take_if(|_| along.is_some());
                 let true_deflection_mm = self.truth.deflections_mm.get(index).copied();
                 let (residual_mm, displacement_residual_mm) =
                     read(identification.residuals_mm.get(index).copied());
@@ -168,6 +140,9 @@ impl RunMessage {
                 identification,
             } => {
                 let reading = measurements.get(index)?;
+                // The first number of a length is all that is read.
+                let length = reading.length.map(|_| Vector3::x());
+                let read = |vector_mm| as_read(vector_mm, length);
                 let (position_mm, _) = read(Some(thousandfold(&reading.position_m)));
                 let residual_mm = identification.residuals_mm.get(index).copied();
                 let (residual_mm, length_residual_mm) = read(residual_mm);
@@ -186,29 +161,18 @@ impl RunMessage {
             }
         }
     }
+}
 
-    /// A vector of a reading (mm) as far as it is read: whole, or of a gauge what is along its direction, of a length that.
-    fn as_read(
-        &self,
-        index: usize,
-        vector_mm: Option<[f64; 3]>,
-    ) -> (Option<[f64; 3]>, Option<f64>) {
-        let Some(whole_mm) = vector_mm else {
-            return (None, None);
-        };
-        let along = match &self.measured {
-            MeasuredMessage::Deflections { measurements, .. } => {
-                let direction = measurements.get(index).and_then(|each| each.direction);
-                direction.map(|along| Vector3::from(along).dot(&Vector3::from(whole_mm)))
-            }
-            MeasuredMessage::Readings { measurements, .. } => {
-                let length = measurements.get(index).and_then(|each| each.length);
-                length.map(|_| whole_mm[0])
-            }
-        };
-        match along {
-            Some(along) => (None, Some(along)),
-            None => (vector_mm, None),
+/// A vector of a reading (mm) as far as it is read: whole, or what is along a gauge's direction or is a length.
+fn as_read(
+    whole_mm: Option<[f64; 3]>,
+    along: Option<Vector3<f64>>,
+) -> (Option<[f64; 3]>, Option<f64>) {
+    match along {
+        Some(along) => {
+            let along = |whole_mm| along.dot(&Vector3::from(whole_mm));
+            (None, whole_mm.map(along))
         }
+        None => (whole_mm, None),
     }
 }

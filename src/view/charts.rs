@@ -1,12 +1,13 @@
-//! What the figures are made of: series over two axes, as SVG that fits any width and takes the colours of its page.
+//! What the figures are made of: series over two axes, which a template draws as SVG that fits any width and takes the colours of its
+//! page.
 
 mod axis;
 mod series;
 
-use std::fmt::Write;
+use serde_json::{Value, json};
 
 use crate::text::wording::shortened;
-use crate::view::markup::escaped;
+use crate::view::markup::{PageError, Templates};
 
 pub use axis::{ChartAxis, reach};
 pub use series::{COLOURS, GRID, INK, Mark, SOFT, Series, plan_colours};
@@ -18,11 +19,10 @@ pub const WHOLE: f64 = 1300.0;
 const HEIGHT: f64 = 620.0;
 const ROW: f64 = 74.0;
 const AXIS: f64 = 88.0;
-/// The height of letters, the mean width of one in a wide font, and the height of a line.
-const TEXT: f64 = 23.0;
+/// The mean width of a letter in a wide font, and the height of a line.
 const LETTER: f64 = 14.5;
 const LINE: f64 = 46.0;
-/// The space around a drawing, the height of its title, and the room of a mark in the legend.
+/// The space around a drawing, the height of its title, and the room of a mark in the legend; lengths as in `pages/chart.svg`.
 const MARGIN: f64 = 14.0;
 const TITLE: f64 = 50.0;
 const SAMPLE: f64 = 48.0;
@@ -111,51 +111,79 @@ impl Chart {
         Self::new([x, ChartAxis::logarithmic(y)], [&name, error], series)
     }
 
-    /// The series that the legend names.
-    fn named(&self) -> impl Iterator<Item = &Series> {
-        (self.series.iter()).filter(|each| !each.name.is_empty())
-    }
-
-    /// A figure of a page, under a name.
-    pub fn figure(&self, width: f64, name: &str) -> String {
-        let class = if width >= WHOLE { "whole" } else { "half" };
+    /// A figure of a page, under a name, for its template.
+    pub fn figure(&self, width: f64, name: &str) -> Value {
         let height = match self.notes.len() {
             0 => HEIGHT,
             rows => AXIS + ROW * rows as f64,
         };
-        format!(
-            "<svg class=\"{class}\" role=\"img\" aria-label=\"{}\" viewBox=\"0 0 {width} {height}\" {}>\n{}</svg>",
-            escaped(name),
-            letters(TEXT),
-            self.drawing([width, height], "")
-        )
+        let mut figure = self.drawing([width, height], "");
+        figure["class"] = if width >= WHOLE { "whole" } else { "half" }.into();
+        figure["name"] = name.into();
+        figure
     }
 
     /// A file of its own.
-    pub fn file(&self, title: &str) -> String {
+    ///
+    /// # Errors
+    /// See [`PageError`].
+    pub fn file(&self, title: &str) -> Result<String, PageError> {
         let size = [WHOLE, 840.0];
-        file(size, &self.drawing(size, title))
+        let drawing = json!({ "at": null, "chart": self.drawing(size, title) });
+        file(size, "", &[drawing])
     }
 
-    /// Its drawing (SVG) of a width and a height, with what is to be read at its points; the title stands above.
-    pub fn drawing(&self, [width, height]: [f64; 2], title: &str) -> String {
-        let plane = Plane::new(self, [width, height], title);
-        let [left, right] = plane.across;
-        let mut svg = heading(title, f64::midpoint(left, right));
-        svg += &(plane.grid() + &plane.legend());
-        let mut tips = String::new();
-        for each in &self.series {
-            let places: Vec<_> = each.points.iter().map(|point| plane.at(*point)).collect();
-            svg += &each.picture(each.mark, &places);
-            for ((x, y), words) in places.iter().zip(&each.tips) {
-                let words = escaped(words);
-                let _ = writeln!(
-                    tips,
-                    "<circle class=\"tip\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"22\"><title>{words}</title></circle>"
-                );
+    /// What a template draws in a width and a height, with what is to be read at its points; the title stands above.
+    pub fn drawing(&self, [width, height]: [f64; 2], title: &str) -> Value {
+        let ([x, y], [x_name, y_name]) = (&self.axes, &self.names);
+        let room = |is_there: bool, room: f64| if is_there { room } else { 0.0 };
+        // Half of the last name stands beyond the axis.
+        let beyond = 0.5 * width_of(x.labels().last());
+        let across = [
+            MARGIN + 12.0 + width_of(y.labels()) + room(!y_name.is_empty(), LINE),
+            width - MARGIN - beyond.max(width_of(&self.notes)),
+        ];
+        // Where the names of series stand above it: where they begin, and their middle.
+        let (mut end, mut below) = (width, room(!title.is_empty(), TITLE));
+        let legend = |each: &Series| {
+            if each.name.is_empty() {
+                return None;
             }
-        }
-        svg + &tips
+            let room = SAMPLE + width_of([&each.name]);
+            if end + room > width {
+                (end, below) = (across[0], below + LINE);
+            }
+            end += room + LINE;
+            Some([end - room - LINE, below - 0.5 * LINE])
+        };
+        let legend: Vec<_> = self.series.iter().map(legend).collect();
+        // So many lines have the names along x, by turns, where they are too long to stand beside one another.
+        let needed = width_of(x.labels()) * x.ticks.len() as f64;
+        let lines = (1..4).find(|&lines| needed <= (across[1] - across[0]) * f64::from(lines));
+        let lines = lines.unwrap_or(4);
+        let names = f64::from(lines) * LINE + room(!x_name.is_empty(), 32.0);
+        let upwards = [height - names, below + MARGIN];
+        let series = self.series.iter().zip(legend).map(|(each, legend)| {
+            let place = |point: &(f64, f64)| [x.place(point.0, across), y.place(point.1, upwards)];
+            let places: Vec<_> = each.points.iter().map(place).collect();
+            let (name, colour, mark, tips) = (&each.name, each.colour, each.mark, &each.tips);
+            json!({ "name": name, "colour": colour, "mark": mark, "tips": tips, "legend": legend, "places": places })
+        });
+        let rows = self.notes.len();
+        let notes = self.notes.iter().enumerate();
+        let notes = notes.map(|(row, note)| (y.place(middle(rows, row), upwards), note));
+        json!({
+            "size": [width, height],
+            "title": title,
+            "names": self.names,
+            "across": across,
+            "upwards": upwards,
+            "x": x.shown(across),
+            "y": y.shown(upwards),
+            "lines": lines,
+            "notes": notes.collect::<Vec<_>>(),
+            "series": series.collect::<Vec<_>>(),
+        })
     }
 }
 
@@ -164,153 +192,19 @@ pub fn middle(rows: usize, row: usize) -> f64 {
     (rows - row) as f64 - 0.5
 }
 
-/// Drawings (SVG) as a file of its own, on white, or dark where the reader's screen is.
-pub fn file([width, height]: [f64; 2], drawings: &str) -> String {
+/// Charts in their places as a file of its own, on white, or dark where the reader's screen is; the title stands above all.
+///
+/// # Errors
+/// See [`PageError`].
+pub fn file(size: [f64; 2], title: &str, drawings: &[Value]) -> Result<String, PageError> {
+    let shown = json!({ "size": size, "title": title, "style": IN_THE_DARK, "drawings": drawings });
+    let svg = Templates::new()?.filled("charts.svg", &shown)?;
     let fixed = |svg: String, (of_page, own): &(&str, &str)| svg.replace(of_page, own);
-    let svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" viewBox=\"0 0 {width} {height}\" {}>\n\
-         <style>\n{IN_THE_DARK}</style>\n\
-         <rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n{drawings}</svg>\n",
-        letters(TEXT)
-    );
-    ON_WHITE.iter().fold(svg, fixed)
-}
-
-/// The title of a drawing above the middle of its plane; nothing without one.
-pub fn heading(title: &str, middle: f64) -> String {
-    if title.is_empty() {
-        return String::new();
-    }
-    let style = format!("text-anchor=\"middle\" font-size=\"{}\"", TEXT + 5.0);
-    text((middle, 0.64 * TITLE), title, &style)
-}
-
-fn letters(size: f64) -> String {
-    format!("font-family=\"sans-serif\" font-size=\"{size}\" fill=\"{INK}\"")
-}
-
-fn text((x, y): (f64, f64), words: &str, style: &str) -> String {
-    let words = escaped(words);
-    format!("<text x=\"{x:.1}\" y=\"{y:.1}\" {style}>{words}</text>\n")
+    Ok(ON_WHITE.iter().fold(svg, fixed))
 }
 
 /// Room for the longest of some texts.
 fn width_of<'t>(texts: impl IntoIterator<Item = &'t String>) -> f64 {
     let longest = texts.into_iter().map(|text| text.chars().count()).max();
     LETTER * longest.unwrap_or(0) as f64
-}
-
-/// Where a chart is in its drawing.
-struct Plane<'a> {
-    chart: &'a Chart,
-    /// From left to right, and from the lower to the upper end.
-    across: [f64; 2],
-    upwards: [f64; 2],
-    /// Where the names of series stand above it: where they begin, and their middle.
-    legend: Vec<(f64, f64)>,
-    /// So many lines have the names along x, by turns, where they are too long to stand beside one another.
-    lines: usize,
-}
-
-impl<'a> Plane<'a> {
-    fn new(chart: &'a Chart, [width, height]: [f64; 2], title: &str) -> Self {
-        let ([x, y], [x_name, y_name]) = (&chart.axes, &chart.names);
-        let room = |is_there: bool, room: f64| if is_there { room } else { 0.0 };
-        // Half of the last name stands beyond the axis.
-        let beyond = 0.5 * width_of(x.labels().last());
-        let across = [
-            MARGIN + 12.0 + width_of(y.labels()) + room(!y_name.is_empty(), LINE),
-            width - MARGIN - beyond.max(width_of(&chart.notes)),
-        ];
-        let (mut end, mut below) = (width, room(!title.is_empty(), TITLE));
-        let place = |each: &Series| {
-            let room = SAMPLE + width_of([&each.name]);
-            if end + room > width {
-                (end, below) = (across[0], below + LINE);
-            }
-            end += room + LINE;
-            (end - room - LINE, below - 0.5 * LINE)
-        };
-        let legend = chart.named().map(place).collect();
-        let needed = width_of(x.labels()) * x.ticks.len() as f64;
-        let lines = (1..4).find(|&lines| needed <= (across[1] - across[0]) * lines as f64);
-        let lines = lines.unwrap_or(4);
-        let names = lines as f64 * LINE + room(!x_name.is_empty(), 32.0);
-        Self {
-            chart,
-            across,
-            upwards: [height - names, below + MARGIN],
-            legend,
-            lines,
-        }
-    }
-
-    /// Where a point is.
-    fn at(&self, (x, y): (f64, f64)) -> (f64, f64) {
-        let [across, upwards] = &self.chart.axes;
-        (across.place(x, self.across), upwards.place(y, self.upwards))
-    }
-
-    /// The axes with their names and the grid; rows with names of their own have no lines.
-    fn grid(&self) -> String {
-        let ([x, y], [left, right], [bottom, top]) = (&self.chart.axes, self.across, self.upwards);
-        let has_lines = self.chart.notes.is_empty();
-        let mut svg = String::new();
-        let mut line = |colour: &str, opacity: f64, d: String| {
-            let _ = writeln!(
-                svg,
-                "<path fill=\"none\" stroke=\"{colour}\" stroke-opacity=\"{opacity}\" d=\"{d}\"/>"
-            );
-        };
-        let upright = |tick: &f64| format!("M{:.1} {bottom:.1}V{top:.1}", self.at((*tick, 0.0)).0);
-        let level = |tick: &f64| format!("M{left:.1} {:.1}H{right:.1}", self.at((0.0, *tick)).1);
-        let majors = |axis: &ChartAxis| axis.ticks.iter().map(|each| each.0).collect::<Vec<f64>>();
-        for (opacity, of_x, of_y) in [(0.5, &x.minor, &y.minor), (1.0, &majors(x), &majors(y))] {
-            let levels = of_y.iter().map(level).filter(|_| has_lines);
-            let lines = of_x.iter().map(upright).chain(levels);
-            lines.for_each(|d| line(GRID, opacity, d));
-        }
-        line(
-            SOFT,
-            1.0,
-            format!("M{left:.1} {top:.1}V{bottom:.1}H{right:.1}"),
-        );
-        for (place, (tick, label)) in x.ticks.iter().enumerate() {
-            let down = bottom + 12.0 + 0.75 * TEXT + LINE * (place % self.lines) as f64;
-            svg += &text(
-                (self.at((*tick, 0.0)).0, down),
-                label,
-                "text-anchor=\"middle\"",
-            );
-        }
-        for (tick, label) in &y.ticks {
-            let height = self.at((0.0, *tick)).1 + 0.35 * TEXT;
-            svg += &text((left - 12.0, height), label, "text-anchor=\"end\"");
-        }
-        let rows = self.chart.notes.iter().enumerate();
-        for (row, note) in rows {
-            let (_, height) = self.at((0.0, middle(self.chart.notes.len(), row)));
-            svg += &text((right + MARGIN, height + 0.35 * TEXT), note, "");
-        }
-        let [x_name, y_name] = &self.chart.names;
-        let soft = format!("text-anchor=\"middle\" fill=\"{SOFT}\"");
-        let below = bottom + 12.0 + LINE * self.lines as f64 + 0.3 * TEXT;
-        svg += &text((f64::midpoint(left, right), below), x_name, &soft);
-        let (x, y) = (MARGIN + 0.75 * TEXT, f64::midpoint(top, bottom));
-        let turned = format!("{soft} transform=\"rotate(-90 {x:.1} {y:.1})\"");
-        svg + &text((x, y), y_name, &turned)
-    }
-
-    /// The names of series above the data.
-    fn legend(&self) -> String {
-        let mut svg = String::new();
-        for (each, &(x, y)) in self.chart.named().zip(&self.legend) {
-            svg += &match each.mark.symbol() {
-                Some(_) => each.picture(each.mark, &[(x + 17.0, y)]),
-                None => each.picture(each.mark, &[(x, y), (x + 34.0, y)]),
-            };
-            svg += &text((x + SAMPLE, y + 0.35 * TEXT), &each.name, "");
-        }
-        svg
-    }
 }

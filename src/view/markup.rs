@@ -8,7 +8,9 @@ use thiserror::Error;
 use crate::text::wording::{counted, dash, duration, micrometres, number, percent, significant};
 
 /// The templates, which may import one another.
-const TEMPLATES: [(&str, &str); 10] = [
+const TEMPLATES: [(&str, &str); 12] = [
+    ("chart.svg", include_str!("pages/chart.svg")),
+    ("charts.svg", include_str!("pages/charts.svg")),
     ("still.svg", include_str!("pages/still.svg")),
     ("framed.svg", include_str!("pages/framed.svg")),
     ("stills.svg", include_str!("pages/stills.svg")),
@@ -51,6 +53,8 @@ impl Templates {
         pages.add_filter("duration", duration);
         pages.add_filter("um", micrometres);
         pages.add_filter("number", number);
+        pages.add_filter("plain", |value: f64| value.to_string());
+        pages.add_filter("tenths", |value: f64| format!("{value:.1}"));
         pages.add_filter("percent", percent);
         pages.add_filter("significant", |value: Option<f64>, digits: usize| {
             value.map_or_else(dash, |value| significant(value, digits))
@@ -99,20 +103,16 @@ fn written(to: &mut Output<'_>, _: &State<'_, '_>, value: &Value) -> Result<(), 
 
 /// Text as it stands in HTML and SVG, in attributes too.
 pub fn escaped(text: &str) -> String {
-    let mut safe = String::with_capacity(text.len());
-    for each in text.chars() {
-        match each {
-            '&' => safe.push_str("&amp;"),
-            '<' => safe.push_str("&lt;"),
-            '>' => safe.push_str("&gt;"),
-            '"' => safe.push_str("&quot;"),
-            '\'' => safe.push_str("&#39;"),
-            // Control characters are not allowed in XML.
-            other if other.is_control() => safe.push(' '),
-            other => safe.push(other),
-        }
-    }
-    safe
+    let text = text.replace('&', "&amp;");
+    let pairs = [
+        ('<', "&lt;"),
+        ('>', "&gt;"),
+        ('"', "&quot;"),
+        ('\'', "&#39;"),
+    ];
+    let text = (pairs.into_iter()).fold(text, |text, (sign, safe)| text.replace(sign, safe));
+    // Control characters are not allowed in XML.
+    text.replace(char::is_control, " ")
 }
 
 /// Text that no line ends inside: a vector.

@@ -6,10 +6,9 @@
 //! - [`stills`]: a sheet of pictures of the robot in each configuration of a plan.
 //! - [`run_sheet`]: the sheet to take along into the laboratory.
 //! - [`plots`]: plots that are files of their own, made of `charts`, as the figures of pages are.
-//! - [`report`]: pages to look at, on [`markup`]; a [`card`] is what their overviews and terminals show.
+//! - [`report`]: pages to look at, on [`markup`].
 //! - [`tables`]: what pages, terminals and texts of recordings list.
 
-pub mod card;
 mod charts;
 pub mod markup;
 pub mod mcap_file;

@@ -1,6 +1,9 @@
 //! Plots as SVG: budgets of measurements, selections of readings, models compared, and patterns in residuals.
 
-use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, heading, reach};
+use serde_json::json;
+
+use super::charts::{COLOURS, Chart, ChartAxis, INK, Mark, SOFT, Series, file, reach};
+use super::markup::PageError;
 use crate::identification::patterns::{Pattern, Patterns};
 use crate::identification::{ModelSelection, NestedModel};
 use crate::numeric::tolerance::ends;
@@ -26,7 +29,10 @@ pub struct BudgetPlot<'a> {
 impl BudgetPlot<'_> {
     /// `rho_0` against the number of measurements or the time: a line for each number of configurations, what is wanted and needed, and
     /// over numbers the bound that no plan of as many can beat. Returns the SVG text.
-    pub fn drawn(&self, title: &str) -> String {
+    ///
+    /// # Errors
+    /// See [`PageError`].
+    pub fn drawn(&self, title: &str) -> Result<String, PageError> {
         let points = self.points;
         let place = |index: usize| match self.minutes {
             Some(minutes) => minutes[index],
@@ -81,7 +87,10 @@ impl BudgetPlot<'_> {
 const RANDOM: f64 = 0.35;
 
 /// The mean distances of all choices, size beside size. Returns the SVG text.
-pub fn selection_plot(title: &str, selection: &Selection<'_>) -> String {
+///
+/// # Errors
+/// See [`PageError`].
+pub fn selection_plot(title: &str, selection: &Selection<'_>) -> Result<String, PageError> {
     let mean = |chosen: &Chosen| chosen.numbers_mm()[0];
     let all = selection.all_mm().mean;
     let heights = reach(selection.usual_mm().map(f64::log10), 0.0, 0.044);
@@ -136,7 +145,13 @@ const ERROR: &str = "\u{b1} error of the difference to the best";
 
 /// What each nested model of a model selection leaves of the readings that it was fitted to and of blocks that it was not; the recommended one
 /// is marked. Returns the SVG text.
-pub fn model_selection_plot(title: &str, model_selection: &ModelSelection) -> String {
+///
+/// # Errors
+/// See [`PageError`].
+pub fn model_selection_plot(
+    title: &str,
+    model_selection: &ModelSelection,
+) -> Result<String, PageError> {
     let nested_models: Vec<&NestedModel> = (model_selection.nested_models.iter())
         .chain(&model_selection.with_joint_errors)
         .collect();
@@ -196,20 +211,23 @@ const SAMPLES: u32 = 120;
 
 /// The strongest patterns in residuals, a panel each: means over readings with their standard errors, and the pattern. Returns
 /// the SVG text.
-pub fn patterns_plot(title: &str, patterns: &Patterns) -> String {
+///
+/// # Errors
+/// See [`PageError`].
+pub fn patterns_plot(title: &str, patterns: &Patterns) -> Result<String, PageError> {
     let found = patterns.found.iter().take(MOST_PANELS);
     let columns = found.len().clamp(1, 2);
     let rows = found.len().div_ceil(columns).max(1);
     let size = [PANEL[0] * columns as f64, PANEL[1] * rows as f64 + HEAD];
-    let mut drawings = heading(title, size[0] / 2.0);
-    for (place, pattern) in found.enumerate() {
+    let drawing = |(place, pattern): (usize, &Pattern)| {
         let x = PANEL[0] * (place % columns) as f64;
         let y = PANEL[1] * (place / columns) as f64 + HEAD;
         let size = [PANEL[0], PANEL[1] - GAP];
-        let panel = panel(pattern).drawing(size, &panel_title(pattern));
-        drawings += &format!("<g transform=\"translate({x} {y})\">\n{panel}</g>\n");
-    }
-    file(size, &drawings)
+        let chart = panel(pattern).drawing(size, &panel_title(pattern));
+        json!({ "at": [x, y], "chart": chart })
+    };
+    let drawings: Vec<_> = found.enumerate().map(drawing).collect();
+    file(size, title, &drawings)
 }
 
 fn panel(pattern: &Pattern) -> Chart {

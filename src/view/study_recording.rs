@@ -1,6 +1,9 @@
 //! What the recordings of a study show: the robot in each plan's experiments and in the test poses,
 //! and what the runs so far say.
 
+use schemars::JsonSchema;
+use serde::Serialize;
+
 use super::recording::Recording;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::study::snapshots::FIRST_RUNS;
@@ -15,26 +18,15 @@ pub struct StudyRecording {
 }
 
 /// What the runs so far say.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Snapshot {
-    /// How many runs, failed ones included.
+    /// How many runs.
     pub runs: u64,
     /// What they say of each plan.
     pub plans: Vec<StudyPlanMessage>,
 }
 
 impl StudyRecording {
-    /// What is studied, in a line.
-    pub fn title(&self) -> String {
-        let header = &self.header;
-        format!(
-            "{} runs of {}, {}",
-            header.trials,
-            header.title(),
-            header.level.words()
-        )
-    }
-
     /// The numbers of runs of [`FIRST_RUNS`] that are less than the first block.
     pub fn first_runs(&self) -> impl Iterator<Item = u64> + use<> {
         let block = self.header.block_runs().min(self.header.trials);

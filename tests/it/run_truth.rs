@@ -4,7 +4,7 @@ use elastocal::calibration::{Calibration, calibrate};
 use elastocal::plan::Plan;
 use elastocal::record::run::{MeasuredMessage, RunMessage};
 use elastocal::scenario::Scenario;
-use elastocal::view::recording::{CarriedOutPlan, Recording, StepKind};
+use elastocal::view::recording::{CarriedOutPlan, Recording};
 use nalgebra::Vector3;
 
 use crate::support::{Workplace, project, scenario, scenario_text, table4};
@@ -112,17 +112,19 @@ fn a_recording_shows_the_deflections_of_its_run() {
     let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
     let shown = CarriedOutPlan::of_deflections(task, truth, seed, "plan", &run).expect("works");
     let recording = Recording::new(&scenario, &[shown]).expect("works");
-    for step in &recording.calibrations[0].steps {
-        match &step.kind {
-            StepKind::Experiment { measurements, .. } => {
-                let truth = run.truth.deflections_m[measurements.start];
-                assert!((step.displacement_m() - truth).norm() < 1e-9);
-            }
-            StepKind::TestPose { index, compensated } => {
-                let seen = run.poses[*index].seen;
-                let seen = [seen.uncompensated_m, seen.residual_m][usize::from(*compensated)];
-                assert!((step.displacement_m() - seen).norm() < 1e-9);
-            }
+    let (experiments, test_poses): (Vec<_>, Vec<_>) =
+        (recording.calibrations[0].steps.iter()).partition(|step| step.number.is_some());
+    assert_eq!(
+        [experiments.len(), test_poses.len()],
+        [3, 2 * run.poses.len()]
+    );
+    for step in experiments {
+        let truth = run.truth.deflections_m[step.did.readings.start];
+        assert!((step.displacement_m() - truth).norm() < 1e-9);
+    }
+    for (steps, pose) in test_poses.chunks(2).zip(&run.poses) {
+        for (step, seen) in (steps.iter()).zip([pose.seen.uncompensated_m, pose.seen.residual_m]) {
+            assert!((step.displacement_m() - seen).norm() < 1e-9);
         }
     }
 }

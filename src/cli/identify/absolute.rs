@@ -81,11 +81,11 @@ impl Identify {
             report.text += &format!("{}\n", crate::cli::model_selection::describe(found));
             if let Some(path) = &self.plot_out {
                 let title = format!("{}: nested models compared", scenario.name);
-                report.save(path, &model_selection_plot(&title, found));
+                report.save(path, &model_selection_plot(&title, found)?);
             }
             report.json["model_selection"] = model_selection_json(found);
         } else {
-            self.draw_patterns(scenario, &identified.patterns, &mut report);
+            self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         }
         let message = AbsoluteMessage::new(&identified.case, &identified.fit);
         report.text += &describe(&message, belief);

@@ -75,7 +75,7 @@ impl Identify {
         let conditions = (loads_outside.into_iter().chain(identified.conditions()))
             .chain(scenario.of_unknown_origin());
         let mut report = Report::new(json, text, conditions.collect());
-        self.draw_patterns(scenario, &identified.patterns, &mut report);
+        self.draw_patterns(scenario, &identified.patterns, &mut report)?;
         Ok(report)
     }
 }

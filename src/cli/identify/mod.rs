@@ -114,17 +114,23 @@ impl Identify {
     }
 
     /// Draws the patterns, where that is wanted.
-    fn draw_patterns(&self, scenario: &Scenario, patterns: &Patterns, report: &mut Report) {
+    fn draw_patterns(
+        &self,
+        scenario: &Scenario,
+        patterns: &Patterns,
+        report: &mut Report,
+    ) -> anyhow::Result<()> {
         let Some(path) = &self.plot_out else {
-            return;
+            return Ok(());
         };
         if patterns.found.is_empty() {
             let file = path.display();
             report.text +=
                 &format!("there are no patterns in the residuals to draw: {file} is not written\n");
-            return;
+            return Ok(());
         }
         let title = format!("{}: patterns in the residuals", scenario.name);
-        report.save(path, &patterns_plot(&title, patterns));
+        report.save(path, &patterns_plot(&title, patterns)?);
+        Ok(())
     }
 }

@@ -5,8 +5,7 @@ use std::collections::BTreeSet;
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::view::card::Card;
-use crate::view::report::{ABSOLUTE_ACCURACY, best_cards, study_page};
+use crate::view::report::{ABSOLUTE_ACCURACY, Card, best_cards, study_page};
 use crate::view::tables;
 use crate::workflow::study::{Timing, plan_messages, study_json};
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::files::FileError;
-use crate::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer};
+use crate::view::rerun_file::viewer::{Address, DEFAULT_PORT, DEFAULT_URL, Viewer, address, probe};
 
 use crate::cli::written::warn;
 
@@ -29,7 +29,7 @@ impl std::str::FromStr for ViewerTarget {
             .map_or((text, None), |(how, what)| (how, Some(what)))
         {
             ("spawn", None) => Ok(Self::Spawn),
-            ("connect", url) => Ok(Self::Connect(url.unwrap_or(DEFAULT_URL).parse()?)),
+            ("connect", url) => Ok(Self::Connect(address(url.unwrap_or(DEFAULT_URL))?)),
             ("save", Some(path)) if !path.is_empty() => Ok(Self::Save(path.into())),
             _ => Err(format!(
                 "spawn starts a viewer, connect or connect={DEFAULT_URL} sends to one, save=FILE writes a file"
@@ -52,7 +52,7 @@ impl ViewerTarget {
         let opened = match self {
             Self::Save(_) => return None,
             Self::Spawn => spawn(),
-            Self::Connect(address) => match address.probe() {
+            Self::Connect(address) => match probe(address) {
                 Ok(()) => connect(address),
                 Err(error) => Err((
                     format!("there is no rerun viewer at {address}: {error}"),
@@ -76,8 +76,8 @@ fn spawn() -> Result<Viewer, (String, String)> {
         let hint = error.hint.clone().unwrap_or_default();
         (error.to_string(), hint)
     })?;
-    let here: Address = (DEFAULT_URL.parse()).map_err(|problem| (problem, String::new()))?;
-    if here.probe().is_err() {
+    let here = address(DEFAULT_URL).map_err(|problem| (problem, String::new()))?;
+    if probe(&here).is_err() {
         // Its own streams, so that nobody who reads this program's waits for the viewer to end; its
         // own group, so that ctrl-C does not end it.
         Command::new(&found)

@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use serde_json::{Value, json};
+
 use crate::numeric::tolerance::ends;
 use crate::text::wording::listed;
 
@@ -98,6 +100,14 @@ impl ChartAxis {
 
     pub(super) fn labels(&self) -> impl Iterator<Item = &String> {
         self.ticks.iter().map(|(_, label)| label)
+    }
+
+    /// Where its ticks and the lines between them are between two places of a drawing, with what stands there.
+    pub(super) fn shown(&self, ends: [f64; 2]) -> Value {
+        let ticks = self.ticks.iter();
+        let ticks = ticks.map(|(tick, label)| (self.place(*tick, ends), label));
+        let minor = self.minor.iter().map(|&tick| (self.place(tick, ends), ""));
+        json!({ "ticks": ticks.collect::<Vec<_>>(), "minor": minor.collect::<Vec<_>>() })
     }
 
     /// Where a value is between two places of a drawing.

@@ -1,5 +1,7 @@
 //! Series of points, their marks and colours.
 
+use serde::Serialize;
+
 use crate::text::wording::shortened;
 
 /// Longer names are cut.
@@ -29,7 +31,8 @@ pub fn plan_colours(is_reference: impl IntoIterator<Item = bool>) -> Vec<&'stati
 }
 
 /// How a series is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(tag = "kind", content = "size", rename_all = "snake_case")]
 pub enum Mark {
     /// A line.
     Line,
@@ -57,29 +60,11 @@ pub enum Mark {
     Area(f64),
 }
 
-impl Mark {
-    /// The outline about a point and the thickness of its line, if it is not filled; none of what is no mark of single points.
-    pub(super) const fn symbol(self) -> Option<(&'static str, Option<f64>)> {
-        Some(match self {
-            Self::Dot => ("M-6 0a6 6 0 1 0 12 0a6 6 0 1 0-12 0", None),
-            Self::Disc => ("M-10 0a10 10 0 1 0 20 0a10 10 0 1 0-20 0", None),
-            Self::Ring => ("M-15 0a15 15 0 1 0 30 0a15 15 0 1 0-30 0", Some(3.0)),
-            Self::Cross => ("M-9-9L9 9M-9 9L9-9", Some(5.0)),
-            Self::Square => ("M-10-10h20v20h-20z", None),
-            Self::Triangle => ("M-13 10h26L0-13z", None),
-            Self::Diamond => ("M-14 0L0-14 14 0 0 14z", None),
-            Self::Line | Self::Dashed | Self::Dotted | Self::Segments(_) | Self::Area(_) => {
-                return None;
-            }
-        })
-    }
-}
-
 /// Points with a colour and a mark.
 pub struct Series {
     /// What it is called in the legend; without a name it is not there.
     pub(super) name: String,
-    colour: &'static str,
+    pub(super) colour: &'static str,
     pub(super) mark: Mark,
     pub(super) points: Vec<(f64, f64)>,
     /// What is read at each point when it is pointed at.
@@ -116,44 +101,6 @@ impl Series {
         let lines = [[(low, y), (high, y)], cap(low), cap(high)].concat();
         let lines = Self::new("", colour, Mark::Segments(5.0), lines);
         [lines, Self::new("", colour, Mark::Disc, [(value, y)])]
-    }
-
-    /// Points in units of the drawing by a mark in its colour.
-    pub(super) fn picture(&self, mark: Mark, places: &[(f64, f64)]) -> String {
-        let colour = self.colour;
-        if let Some((outline, thick)) = mark.symbol() {
-            let style = thick.map_or_else(
-                || format!("fill=\"{colour}\""),
-                |thick| format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\""),
-            );
-            let symbol = |(x, y): &(f64, f64)| {
-                format!("<path transform=\"translate({x:.1} {y:.1})\" d=\"{outline}\" {style}/>\n")
-            };
-            return places.iter().map(symbol).collect();
-        }
-        let path = |places: &[(f64, f64)]| {
-            let corners = places.iter().map(|(x, y)| format!("{x:.1} {y:.1}"));
-            format!("M{}", corners.collect::<Vec<_>>().join("L"))
-        };
-        let line = |thick: f64, d: &str, dashes: &str| {
-            format!(
-                "<path fill=\"none\" stroke=\"{colour}\" stroke-width=\"{thick}\"{dashes} d=\"{d}\"/>\n"
-            )
-        };
-        match mark {
-            _ if places.is_empty() => String::new(),
-            Mark::Area(opacity) => format!(
-                "<path fill=\"{colour}\" fill-opacity=\"{opacity}\" d=\"{}z\"/>\n",
-                path(places)
-            ),
-            Mark::Segments(thick) => {
-                let pairs: String = places.chunks(2).map(path).collect();
-                line(thick, &pairs, "")
-            }
-            Mark::Dashed => line(3.0, &path(places), " stroke-dasharray=\"10 7\""),
-            Mark::Dotted => line(3.0, &path(places), "") + &self.picture(Mark::Dot, places),
-            _ => line(3.0, &path(places), ""),
-        }
     }
 }
 

@@ -9,7 +9,7 @@ pub mod study;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Seek, Write};
+use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::Duration;
 
@@ -22,13 +22,14 @@ use schemars::generate::SchemaSettings;
 use serde::Serialize;
 use serde_json::Value;
 
-use super::recording::{RecordedCalibration, Recording, Stance, Step, StepKind};
+use super::recording::{RecordedCalibration, Recording, Step};
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::messages::{ProvenanceMessage, thousandfold};
-use crate::record::recorded::{IdentifiedOnce, PlanRows, ReadOnce};
-use crate::record::run::MeasuredMessage;
+use crate::record::recorded::{IdentificationRecord, IdentifiedReadings, PlanRows, ReadOnce};
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::robot::Load;
+use crate::study::carried_out::AtRest;
 use scene::stamp;
 
 /// Where messages of one type are.
@@ -79,9 +80,8 @@ struct StepRecord {
 
 /// Writes a recording that any MCAP tool can read.
 pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
-    write_file(path, &recording.provenance, |mut channels| {
-        channels.write_recording(recording)?;
-        channels.finish()
+    write_file(path, &recording.provenance, |channels| {
+        channels.write_recording(recording)
     })
 }
 
@@ -89,7 +89,7 @@ pub fn write_mcap(path: &Path, recording: &Recording) -> Result<(), FileError> {
 fn write_file(
     path: &Path,
     provenance: &ProvenanceMessage,
-    write: impl FnOnce(Channels<BufWriter<&mut File>>) -> Result<(), McapError>,
+    write: impl FnOnce(&mut Channels) -> Result<(), McapError>,
 ) -> Result<(), FileError> {
     let mut output = Output::create(path)?;
     let options = WriteOptions::new()
@@ -100,11 +100,14 @@ fn write_file(
     let written = options
         .create(BufWriter::new(output.file()))
         .and_then(|writer| {
-            write(Channels {
+            let mut channels = Channels {
                 writer,
                 ids: BTreeMap::new(),
                 sequence: 0,
-            })
+            };
+            write(&mut channels)?;
+            channels.writer.finish()?;
+            Ok(channels.writer.into_inner().flush()?)
         });
     match written {
         Ok(()) => output.publish(),
@@ -114,13 +117,13 @@ fn write_file(
 }
 
 /// The file's writer, with a channel for each topic that has messages.
-struct Channels<W: Write + Seek> {
-    writer: Writer<W>,
+struct Channels<'a> {
+    writer: Writer<BufWriter<&'a mut File>>,
     ids: BTreeMap<&'static str, u16>,
     sequence: u32,
 }
 
-impl<W: Write + Seek> Channels<W> {
+impl Channels<'_> {
     fn write_recording(&mut self, recording: &Recording) -> Result<(), McapError> {
         let provenance = serde_json::to_value(&recording.provenance);
         let provenance = provenance.map_err(std::io::Error::from)?;
@@ -145,11 +148,6 @@ impl<W: Write + Seek> Channels<W> {
         self.write_steps(recording)
     }
 
-    fn finish(mut self) -> Result<(), McapError> {
-        self.writer.finish()?;
-        Ok(self.writer.into_inner().flush()?)
-    }
-
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
         let costs = &recording.costs;
         let mut mounted = None;
@@ -161,73 +159,61 @@ impl<W: Write + Seek> Channels<W> {
                     let change = scene::change_tool(recording, step.tool(), now);
                     self.draw(SCENE, now, &change)?;
                 }
-                let commands = &calibration.commands;
+                let (commands, did) = (&calibration.commands, &step.did);
+                let [unloaded, loaded] = &did.rests;
                 let record = StepRecord {
-                    title: calibration.title(step),
-                    q_commanded_deg: commands.numbers(step.commanded_rad.as_slice()),
-                    q_unloaded_deg: commands.all_numbers(&step.unloaded.q_rad),
-                    q_loaded_deg: commands.all_numbers(&step.loaded.q_rad),
-                    wrench: step.load.wrench().into(),
+                    title: step.title.clone(),
+                    q_commanded_deg: commands.numbers(did.commanded_rad.as_slice()),
+                    q_unloaded_deg: commands.all_numbers(&unloaded.q_rad),
+                    q_loaded_deg: commands.all_numbers(&loaded.q_rad),
+                    wrench: did.load.wrench().into(),
                     displacement_mm: thousandfold(&step.displacement_m()),
                     enlargement: step.enlargement,
                 };
-                self.write_of(&STEPS, now, &calibration.record.name, record)?;
+                let name = &calibration.record.name;
+                self.write_of(&STEPS, now, name, record)?;
                 self.draw(TRANSFORMS, now, &scene::transforms(recording, step, now))?;
                 let annotations = scene::annotations(recording, calibration, step, now);
                 self.draw(SCENE, now, &annotations)?;
-                self.draw(JOINTS, now, &joints(recording, &step.unloaded, now))?;
+                self.draw(JOINTS, now, &joints(recording, unloaded, now))?;
                 now += minutes(before_load(calibration, step, costs));
-                self.draw(JOINTS, now, &joints(recording, &step.loaded, now))?;
-                now = self.write_measurements(calibration, step, costs, now)?;
+                self.draw(JOINTS, now, &joints(recording, loaded, now))?;
+                // One reading after the other; at a test pose one that is no message.
+                if step.number.is_none() {
+                    now += minutes(costs.reading_min);
+                }
+                for read in calibration.read_in(step) {
+                    now += minutes(costs.reading_min);
+                    match read {
+                        ReadOnce::Deflection(each) => {
+                            self.write_of(&MEASUREMENTS, now, name, each)?;
+                        }
+                        ReadOnce::Position(each) => self.write_of(&READINGS, now, name, each)?,
+                    }
+                }
             }
-            self.write_results(calibration, now)?;
+            self.write_results(&calibration.record, now)?;
         }
         Ok(())
     }
 
-    /// One reading after the other; returns when the last one is done.
-    fn write_measurements(
-        &mut self,
-        calibration: &RecordedCalibration,
-        step: &Step,
-        costs: &Costs,
-        mut now: Duration,
-    ) -> Result<Duration, McapError> {
-        let StepKind::Experiment {
-            number,
-            measurements,
-        } = &step.kind
-        else {
-            return Ok(now + minutes(costs.reading_min));
-        };
-        let all = &calibration.record;
-        for read in all.read_in(*number, measurements.clone()) {
-            now += minutes(costs.reading_min);
-            match read {
-                ReadOnce::Deflection(each) => {
-                    self.write_of(&MEASUREMENTS, now, &all.name, each)?;
-                }
-                ReadOnce::Position(each) => {
-                    self.write_of(&READINGS, now, &all.name, each)?;
-                }
-            }
-        }
-        Ok(now)
-    }
-
     /// Results come with the last step of their calibration.
-    fn write_results(
-        &mut self,
-        calibration: &RecordedCalibration,
-        now: Duration,
-    ) -> Result<(), McapError> {
-        let all = &calibration.record;
-        match all.identified() {
-            IdentifiedOnce::Deflections(each) => {
-                self.write_of(&IDENTIFICATION, now, &all.name, each)?;
+    fn write_results(&mut self, all: &RunMessage, now: Duration) -> Result<(), McapError> {
+        match &all.measured {
+            MeasuredMessage::Deflections { identification, .. } => {
+                let record = IdentificationRecord {
+                    identification,
+                    true_compliance_rad_per_nm: &all.truth.compliance_rad_per_nm,
+                };
+                self.write_of(&IDENTIFICATION, now, &all.name, record)?;
             }
-            IdentifiedOnce::Readings(each) => {
-                self.write_of(&IDENTIFIED_READINGS, now, &all.name, each)?;
+            MeasuredMessage::Readings { identification, .. } => {
+                let unknowns = all.truth.unknowns.iter().flatten();
+                let record = IdentifiedReadings {
+                    identification,
+                    true_values: unknowns.map(|each| each.value).collect(),
+                };
+                self.write_of(&IDENTIFIED_READINGS, now, &all.name, record)?;
             }
         }
         for pose in &all.test_poses {
@@ -316,11 +302,12 @@ fn json_schema<T: JsonSchema>(name: &str) -> Option<Schema> {
 
 /// The minutes of readings without a load, which absolute ones do not have, and of hanging it where there is one.
 fn before_load(calibration: &RecordedCalibration, step: &Step, costs: &Costs) -> f64 {
-    let readings = match (&calibration.record.measured, &step.kind) {
-        (MeasuredMessage::Readings { .. }, StepKind::Experiment { .. }) => 0,
-        _ => step.readings(),
+    let readings = match (&calibration.record.measured, step.number) {
+        (_, None) => 1,
+        (MeasuredMessage::Readings { .. }, _) => 0,
+        _ => step.did.readings.len(),
     };
-    let hung = [costs.load_change_min, 0.0][usize::from(step.load == Load::NONE)];
+    let hung = [costs.load_change_min, 0.0][usize::from(step.did.load == Load::NONE)];
     costs.reading_min * readings as f64 + hung
 }
 
@@ -329,8 +316,8 @@ fn minutes(count: f64) -> Duration {
     Duration::from_secs_f64(60.0 * count)
 }
 
-fn joints(recording: &Recording, stance: &Stance, now: Duration) -> JointStates {
-    let joints = recording.joints.iter().zip(&stance.q_rad);
+fn joints(recording: &Recording, rest: &AtRest, now: Duration) -> JointStates {
+    let joints = recording.joints.iter().zip(&rest.q_rad);
     let joint = |(name, position): (&String, &f64)| JointState {
         name: name.clone(),
         position: Some(*position),

@@ -70,24 +70,22 @@ fn entity(now: Duration, frame: &str, id: &str) -> SceneEntity {
 
 /// The frames of all links and of the tool's tip in a step.
 pub(super) fn transforms(recording: &Recording, step: &Step, now: Duration) -> FrameTransforms {
-    let stances = [&step.unloaded, &step.loaded, &step.enlarged];
-    let transforms = ARMS.iter().zip(stances).flat_map(|(arm, stance)| {
+    let mut transforms = Vec::new();
+    for (arm, stands) in ARMS.iter().zip(&step.arms) {
         let names = recording.links.iter().map(|body| &*body.name);
-        let tool = Isometry3::translation(stance.tool_m.x, stance.tool_m.y, stance.tool_m.z);
-        let poses = stance.world_from_link.iter().copied().chain([tool]);
-        let transform = |(part, pose): (&str, Isometry3<f64>)| FrameTransform {
-            timestamp: stamp(now),
-            parent_frame_id: WORLD.to_owned(),
-            child_frame_id: frame(arm, part),
-            translation: Some(vector(&pose.translation.vector)),
-            rotation: Some(quaternion(&pose.rotation)),
-        };
-        let named = names.chain([TOOL]).zip(poses);
-        named.map(transform).collect::<Vec<_>>()
-    });
-    FrameTransforms {
-        transforms: transforms.collect(),
+        let tool = Isometry3::translation(stands.tool_m.x, stands.tool_m.y, stands.tool_m.z);
+        let poses = stands.world_from_link.iter().copied().chain([tool]);
+        transforms.extend(
+            (names.chain([TOOL]).zip(poses)).map(|(part, pose)| FrameTransform {
+                timestamp: stamp(now),
+                parent_frame_id: WORLD.to_owned(),
+                child_frame_id: frame(arm, part),
+                translation: Some(vector(&pose.translation.vector)),
+                rotation: Some(quaternion(&pose.rotation)),
+            }),
+        );
     }
+    FrameTransforms { transforms }
 }
 
 /// All that is there from the first step on: surroundings and links, without tools.
@@ -135,11 +133,9 @@ pub(super) fn annotations(
     let mut entities: Vec<SceneEntity> = drawn.iter().map(|each| drawing(each, now)).collect();
     let title = format!(
         "{}: {}; joint deflections enlarged {} times",
-        calibration.record.name,
-        calibration.title(step),
-        step.enlargement
+        calibration.record.name, step.title, step.enlargement
     );
-    let highest = step.unloaded.world_from_link.iter();
+    let highest = step.arms[0].world_from_link.iter();
     let height = highest.map(|pose| pose.translation.z).fold(0.0, f64::max);
     let above = Vector3::new(0.0, 0.0, height + 0.6);
     entities.push(SceneEntity {

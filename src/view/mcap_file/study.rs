@@ -16,15 +16,6 @@ use crate::view::study_recording::{Snapshot, StudyRecording};
 const PROGRESS: Topic = Topic("/study/progress", "elastocal.StudyProgress");
 const STUDY: Topic = Topic("/study", "elastocal.Study");
 
-/// What the runs so far say.
-#[derive(Debug, Serialize, JsonSchema)]
-struct ProgressRecord<'a> {
-    /// How many runs.
-    runs: u64,
-    /// What they say of each plan.
-    plans: &'a [StudyPlanMessage],
-}
-
 /// What the study comes to.
 #[derive(Debug, Serialize, JsonSchema)]
 struct StudyRecord<'a> {
@@ -46,13 +37,12 @@ pub fn write_study_mcap(
     study: &StudyRecording,
     snapshots: &[Snapshot],
 ) -> Result<(), FileError> {
-    write_file(path, &study.header.provenance, |mut channels| {
+    write_file(path, &study.header.provenance, |channels| {
         channels.write_recording(&study.arms)?;
         let mut now = Duration::ZERO;
         for snapshot in snapshots {
             now += minutes(1.0);
-            let Snapshot { runs, plans } = snapshot;
-            channels.write(&PROGRESS, now, &ProgressRecord { runs: *runs, plans })?;
+            channels.write(&PROGRESS, now, snapshot)?;
         }
         if let Some(last) = snapshots.last() {
             let header = &study.header;
@@ -65,6 +55,6 @@ pub fn write_study_mcap(
             };
             channels.write(&STUDY, now, &record)?;
         }
-        channels.finish()
+        Ok(())
     })
 }

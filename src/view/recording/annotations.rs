@@ -72,11 +72,11 @@ pub struct Annotation {
 impl Recording {
     /// Deflection, force and, where one is known in any step, line of sight or gauge.
     pub fn annotations(&self, step: &Step) -> Vec<Annotation> {
-        let tool_m = step.unloaded.tool_m;
+        let [tool_m, _, enlarged_m] = step.arms.each_ref().map(|arm| arm.tool_m);
         let label = displacement_label(step);
         let deflection_m = step.displacement_m() * step.enlargement;
         let force = step.force_arrow_m;
-        let force = force.map(|force| [step.enlarged.tool_m, step.enlarged.tool_m + force]);
+        let force = force.map(|force| [enlarged_m, enlarged_m + force]);
         let mut drawn = vec![
             Annotation {
                 name: "deflection",

@@ -23,21 +23,16 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     let tool_body = |tool| -> Result<usize, CalibrationError> {
         Ok(model.site_body(model.site(tool_name(scenario, tool))?).0)
     };
-    let calibration = tool_body(ShownTool::Calibration)?;
-    let machining = tool_body(ShownTool::Machining)?;
-    let tools = [
-        (ShownTool::Calibration, calibration, machining),
-        (ShownTool::Machining, machining, calibration),
-    ];
+    let calibration = (ShownTool::Calibration, tool_body(ShownTool::Calibration)?);
+    let machining = (ShownTool::Machining, tool_body(ShownTool::Machining)?);
     // A tool is unmounted only where it is a body of its own that does not carry the other.
     let only_with = |body| {
-        let is_alone = |(_, own, other): &(_, usize, usize)| {
-            body == *own && ancestors(model, *other).all(|carrier| carrier != body)
+        let pairs = [(calibration, machining), (machining, calibration)];
+        let is_alone = |(own, other): &((_, usize), (_, usize))| {
+            body == own.1 && ancestors(model, other.1).all(|carrier| carrier != body)
         };
-        tools
-            .iter()
-            .find(|tool| is_alone(tool))
-            .map(|(tool, ..)| *tool)
+        let found = pairs.into_iter().find(is_alone);
+        found.map(|((tool, _), _)| tool)
     };
     let mut state = State::new(model);
     state.update_kinematics();

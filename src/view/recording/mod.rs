@@ -3,27 +3,25 @@
 
 mod annotations;
 mod bodies;
-mod record;
 mod steps;
 
-use std::ops::Range;
-
-use nalgebra::{DVector, Isometry3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 
 use crate::calibration::{Calibration, CalibrationError};
 use crate::laboratory::Costs;
 use crate::mujoco::Mesh;
 use crate::record::messages::ProvenanceMessage;
-use crate::record::run::{MeasuredMessage, RunMessage};
-use crate::robot::{Commands, Load};
+use crate::record::recorded::ReadOnce;
+use crate::record::run::RunMessage;
+use crate::robot::Commands;
 use crate::scenario::Scenario;
-use crate::study::carried_out::CarriedOut;
+use crate::study::carried_out::{CarriedOut, CarriedOutRow};
 use crate::task::Task;
 use crate::testbed::Truth;
+use crate::text::wording::joined;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
-pub use record::shown;
 use steps::{Stage, enlarge};
 
 /// Half of what is in view, upwards and across, over the distance; and how much farther away the eye is, since arms are thick.
@@ -107,53 +105,26 @@ pub struct RecordedCalibration {
 /// One experiment or test pose.
 #[derive(Debug, Clone)]
 pub struct Step {
-    /// Which one.
-    pub kind: StepKind,
-    /// The commanded joint angles (rad).
-    pub commanded_rad: DVector<f64>,
-    /// The load, in the world frame at the tool.
-    pub load: Load,
-    /// Where the robot stands without load; at a test pose, where it is wanted.
-    pub unloaded: Stance,
-    /// Where it stands under the load.
-    pub loaded: Stance,
-    /// How many times the deflections of the joints are enlarged in `enlarged`.
+    /// What it is, for people.
+    pub title: String,
+    /// The number of the experiment, or of the row of absolute readings, in the plan from 1; none of a test pose.
+    pub number: Option<usize>,
+    /// What the robot did.
+    pub did: CarriedOutRow,
+    /// The arm without load, at a test pose where it is wanted; under the load; and loaded with its joints' deflections enlarged, as it is
+    /// drawn.
+    pub arms: [ShownArm; 3],
+    /// How many times the deflections are enlarged.
     pub enlargement: f64,
-    /// The loaded arm with its joints' deflections enlarged, as it is drawn.
-    pub enlarged: Stance,
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
     pub force_arrow_m: Option<Vector3<f64>>,
     /// How it is read, if somebody says.
     pub sight: Option<ReadingLine>,
 }
 
-/// What a step is.
-#[derive(Debug, Clone, PartialEq)]
-pub enum StepKind {
-    /// An experiment of the plan, or a row of absolute readings.
-    Experiment {
-        /// Its number in the plan, from 1.
-        number: usize,
-        /// Its measurements among those of the calibration.
-        measurements: Range<usize>,
-    },
-    /// A test pose.
-    TestPose {
-        /// Its place among the test poses.
-        index: usize,
-        /// Whether the command is compensated.
-        compensated: bool,
-    },
-}
-
 /// The arm standing somewhere.
 #[derive(Debug, Clone)]
-pub struct Stance {
-    /// The joint angles (rad).
-    pub q_rad: Vec<f64>,
-    /// MuJoCo's coordinates of all joints (rad, m); more than the angles where the virtual robot is more
-    /// than a chain.
-    pub coordinates: Vec<f64>,
+pub struct ShownArm {
     /// The pose of each of [`Recording::links`] in the world frame.
     pub world_from_link: Vec<Isometry3<f64>>,
     /// The tool's position (m).
@@ -162,36 +133,29 @@ pub struct Stance {
 
 impl Step {
     /// The tool that is mounted.
-    pub fn tool(&self) -> ShownTool {
-        match self.kind {
-            StepKind::Experiment { .. } => ShownTool::Calibration,
-            StepKind::TestPose { .. } => ShownTool::Machining,
-        }
-    }
-
-    /// How often the tool is read, without a load and under it.
-    pub fn readings(&self) -> usize {
-        match &self.kind {
-            StepKind::Experiment { measurements, .. } => measurements.len(),
-            StepKind::TestPose { .. } => 1,
+    pub const fn tool(&self) -> ShownTool {
+        match self.number {
+            Some(_) => ShownTool::Calibration,
+            None => ShownTool::Machining,
         }
     }
 
     /// The load in words: "2500 N", "300 N and 20 N m"; none without one.
     pub fn load_label(&self) -> Option<String> {
-        let (force, torque) = (self.load.force_n.norm(), self.load.torque_nm.norm());
-        let words = match (force > 0.0, torque > 0.0) {
-            (false, false) => return None,
-            (true, false) => format!("{force:.0} N"),
-            (false, true) => format!("{torque:.0} N m"),
-            (true, true) => format!("{force:.0} N and {torque:.0} N m"),
-        };
-        Some(words)
+        let load = &self.did.load;
+        let parts = [(load.force_n, "N"), (load.torque_nm, "N m")];
+        let parts = parts.map(|(part, unit)| (part.norm(), unit));
+        let parts = parts.into_iter().filter(|(size, _)| *size > 0.0);
+        let words = joined(
+            parts.map(|(size, unit)| format!("{size:.0} {unit}")),
+            " and ",
+        );
+        (!words.is_empty()).then_some(words)
     }
 
     /// Loaded minus unloaded position of the tool (m), true to scale and without the instrument's errors.
     pub fn displacement_m(&self) -> Vector3<f64> {
-        self.loaded.tool_m - self.unloaded.tool_m
+        self.arms[1].tool_m - self.arms[0].tool_m
     }
 }
 
@@ -215,21 +179,10 @@ impl CarriedOutPlan {
 }
 
 impl RecordedCalibration {
-    /// What a step is, for people.
-    pub fn title(&self, step: &Step) -> String {
-        match &step.kind {
-            StepKind::Experiment { number, .. } => self.record.row_title(*number),
-            StepKind::TestPose { index, compensated } => {
-                let name = &self.record.test_poses[*index].name;
-                let how = match (&self.record.measured, compensated) {
-                    (MeasuredMessage::Deflections { .. }, true) => "compensated",
-                    (MeasuredMessage::Deflections { .. }, false) => "not compensated",
-                    (MeasuredMessage::Readings { .. }, true) => "by the identified robot",
-                    (MeasuredMessage::Readings { .. }, false) => "by the nominal robot",
-                };
-                format!("test pose {name:?}, {how}")
-            }
-        }
+    /// What was read in a step, one after the other; nothing at a test pose.
+    pub fn read_in(&self, step: &Step) -> impl Iterator<Item = ReadOnce<'_>> {
+        let number = step.number.unwrap_or_default();
+        self.record.read_in(number, step.did.readings.clone())
     }
 }
 
@@ -248,7 +201,7 @@ impl Recording {
                 record: plan.run.clone(),
                 commands: belief.commands(),
                 compliance_unit: belief.compliance_unit("1e-6"),
-                steps: stage.steps(&plan.did),
+                steps: stage.steps(&plan.run, &plan.did),
             });
         }
         for tool in [ShownTool::Calibration, ShownTool::Machining] {
@@ -278,11 +231,11 @@ impl Recording {
 
     /// From where (m) all arms are in view, and the place (m) to look at: across the way from the base to the tools, from somewhat above.
     pub fn eye_m(&self) -> Option<[Vector3<f64>; 2]> {
-        let stances = || self.steps().map(|(.., step)| &step.unloaded);
-        let places = stances().flat_map(|stance| {
-            let links = stance.world_from_link.iter();
+        let arms = || self.steps().map(|(.., step)| &step.arms[0]);
+        let places = arms().flat_map(|arm| {
+            let links = arm.world_from_link.iter();
             let links = links.map(|pose| pose.translation.vector);
-            links.chain([stance.tool_m])
+            links.chain([arm.tool_m])
         });
         let places: Vec<Vector3<f64>> = places.collect();
         let extreme = |of: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
@@ -290,7 +243,7 @@ impl Recording {
             all.reduce(|one, other| of(&one, &other))
         };
         let centre = (extreme(Vector3::inf)? + extreme(Vector3::sup)?) / 2.0;
-        let reach: Vector3<f64> = stances().map(|stance| stance.tool_m).sum();
+        let reach: Vector3<f64> = arms().map(|arm| arm.tool_m).sum();
         let aside = Vector3::new(reach.y, -reach.x, 0.0).try_normalize(f64::MIN_POSITIVE);
         let towards = (aside.unwrap_or(-Vector3::y()) + Vector3::z() * 0.4).normalize();
         let across = Vector3::z().cross(&towards).normalize();

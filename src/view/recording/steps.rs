@@ -2,11 +2,12 @@
 
 use nalgebra::Vector3;
 
-use super::{Body, ReadingLine, RecordedCalibration, ShownTool, Stance, Step, StepKind, tool_name};
+use super::{Body, ReadingLine, RecordedCalibration, ShownArm, ShownTool, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::scenario::Scenario;
-use crate::study::carried_out::{AtRest, CarriedOut, CarriedOutRow};
+use crate::study::carried_out::{CarriedOut, CarriedOutRow};
 use crate::task::Instrument;
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
@@ -31,56 +32,50 @@ impl Stage {
         }
     }
 
-    /// The stance of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
+    /// The arm of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
     /// observed.
-    fn stance(&mut self, rest: AtRest) -> Stance {
-        self.state.set_coordinates(&rest.coordinates);
+    fn arm(&mut self, coordinates: &[f64], tool_m: Vector3<f64>) -> ShownArm {
+        self.state.set_coordinates(coordinates);
         self.state.update_kinematics();
         let links = self.links.iter();
-        Stance {
+        ShownArm {
             world_from_link: links.map(|&body| self.state.body_pose(body)).collect(),
-            q_rad: rest.q_rad,
-            coordinates: rest.coordinates,
-            tool_m: rest.place_m,
+            tool_m,
         }
     }
 
-    fn step(&mut self, kind: StepKind, row: &CarriedOutRow) -> Step {
-        let [unloaded, loaded] = row.rests.clone().map(|rest| self.stance(rest));
-        let is_read = matches!(kind, StepKind::Experiment { .. });
-        let sight = ReadingLine::new(&self.instrument, &self.state, row.direction, row.station_m);
+    fn step(&mut self, title: String, number: Option<usize>, did: &CarriedOutRow) -> Step {
+        let arms = (did.rests.each_ref()).map(|rest| self.arm(&rest.coordinates, rest.place_m));
+        let sight = ReadingLine::new(&self.instrument, &self.state, did.direction, did.station_m);
+        let [unloaded, loaded] = arms;
         Step {
-            kind,
-            commanded_rad: row.commanded_rad.clone(),
-            load: row.load,
+            title,
+            number,
+            did: did.clone(),
+            arms: [unloaded, loaded.clone(), loaded],
             enlargement: 1.0,
-            enlarged: loaded.clone(),
-            unloaded,
-            loaded,
             force_arrow_m: None,
-            sight: sight.filter(|_| is_read),
+            sight: sight.filter(|_| number.is_some()),
         }
     }
 
     /// The steps of a plan as it was carried out.
-    pub(super) fn steps(&mut self, did: &CarriedOut) -> Vec<Step> {
-        let rows = (1..).zip(&did.rows).map(|(number, row)| {
-            let measurements = row.readings.clone();
-            (
-                StepKind::Experiment {
-                    number,
-                    measurements,
-                },
-                row,
-            )
-        });
-        let poses = did.test_poses.iter().enumerate().flat_map(|(index, both)| {
-            let kind = |compensated| StepKind::TestPose { index, compensated };
-            [false, true].map(kind).into_iter().zip(both)
-        });
-        (rows.chain(poses))
-            .map(|(kind, row)| self.step(kind, row))
-            .collect()
+    pub(super) fn steps(&mut self, record: &RunMessage, did: &CarriedOut) -> Vec<Step> {
+        let how = match record.measured {
+            MeasuredMessage::Deflections { .. } => ["not compensated", "compensated"],
+            MeasuredMessage::Readings { .. } => ["by the nominal robot", "by the identified robot"],
+        };
+        let mut steps = Vec::new();
+        for (number, row) in (1..).zip(&did.rows) {
+            steps.push(self.step(record.row_title(number), Some(number), row));
+        }
+        for (pose, both) in record.test_poses.iter().zip(&did.test_poses) {
+            for (how, row) in how.iter().zip(both) {
+                let title = format!("test pose {:?}, {how}", pose.name);
+                steps.push(self.step(title, None, row));
+            }
+        }
+        steps
     }
 }
 
@@ -100,24 +95,17 @@ pub(super) fn enlarge(
         .map(|step| step.displacement_m().norm())
         .fold(0.0, f64::max);
     let factor = round_factor(DRAWN_DEFLECTION_M / largest);
-    let forces_n = steps.iter().map(|step| step.load.force_n.norm());
+    let forces_n = steps.iter().map(|step| step.did.load.force_n.norm());
     let largest_n = forces_n.fold(0.0, f64::max);
     for step in &mut steps {
-        let (from, to) = (&step.unloaded, &step.loaded);
-        let enlarged = |from: &[f64], to: &[f64]| -> Vec<f64> {
-            let each = from.iter().zip(to);
-            each.map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded))
-                .collect()
-        };
-        let rest = AtRest {
-            q_rad: enlarged(&from.q_rad, &to.q_rad),
-            coordinates: enlarged(&from.coordinates, &to.coordinates),
-            place_m: Vector3::zeros(),
-        };
+        let [from, to] = &step.did.rests;
+        let each = from.coordinates.iter().zip(&to.coordinates);
+        let enlarged = each.map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded));
+        let enlarged: Vec<f64> = enlarged.collect();
         step.enlargement = factor;
-        step.enlarged = stage.stance(rest);
-        step.enlarged.tool_m = stage.state.site(site).0;
-        let force_n = step.load.force_n;
+        step.arms[2] = stage.arm(&enlarged, Vector3::zeros());
+        step.arms[2].tool_m = stage.state.site(site).0;
+        let force_n = step.did.load.force_n;
         step.force_arrow_m = (force_n.norm() > 0.0).then(|| force_n * (FORCE_ARROW_M / largest_n));
     }
     Ok(())

@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::PlanPage;
-use super::cards::{conditions_card, readings_cards, verdict_card};
+use super::cards::{Card, conditions_card, readings_cards, verdict_card};
 use super::distances::{distances, lines};
 use super::test_poses::test_poses;
 use crate::identification::AbsoluteMessage;
@@ -13,7 +13,6 @@ use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::text::table::RecordTable;
 use crate::text::wording::significant;
-use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page, micro_sign};
 use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
@@ -72,7 +71,7 @@ pub fn absolute_page(
 
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Value {
-    let lines = lines(std::slice::from_ref(&trials.runs), |_, _| false);
+    let lines = lines(std::slice::from_ref(&trials.runs), |_| false);
     json!({
         "outcome": for_page(&trials.outcome()),
         "runs": trials.runs,

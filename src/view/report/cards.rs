@@ -1,4 +1,7 @@
-//! What is answered first of a plan and of a run: which plan, how accurate, proved by what, what was observed, and against random plans.
+//! Questions with their answers, in the overview that a page begins with and on a terminal: of a plan and of a run, which plan, how
+//! accurate, proved by what, what was observed, and against random plans.
+
+use serde::Serialize;
 
 use super::{PlanPage, each_once};
 use crate::calibration::{CompensatedPose, rms_m};
@@ -8,8 +11,8 @@ use crate::plan::{Assessment, UncertaintyBudget};
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::evidence::EvidenceMessage;
 use crate::scenario::Scenario;
+use crate::text::for_terminal;
 use crate::text::wording::{counted, joined, micrometres, naming, number, percent};
-use crate::view::card::Card;
 use crate::workflow::run::{AbsoluteRun, RANDOM_PLANS, RUN, RunOutcome, TriedPlan};
 
 /// What holds where there is nothing to look at.
@@ -19,6 +22,41 @@ const ALL_HOLD: &str =
 const ALL_DETERMINED: &str = "every compliance that was asked for is determined";
 /// Searches of which at least this share agree count as agreeing.
 const MANY: f64 = 0.05;
+
+/// What it is about, the answer in a line, and what is to be known of it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Card {
+    /// `good`, `bad` (which a page shows open) or nothing.
+    tone: &'static str,
+    title: &'static str,
+    answer: String,
+    about: String,
+}
+
+impl Card {
+    /// A card in a tone.
+    pub fn new(
+        tone: &'static str,
+        title: &'static str,
+        answer: impl Into<String>,
+        about: impl Into<String>,
+    ) -> Self {
+        Self {
+            tone,
+            title,
+            answer: answer.into(),
+            about: about.into(),
+        }
+    }
+
+    /// For a terminal: a line.
+    pub fn plain(&self) -> String {
+        let Self { title, answer, .. } = self;
+        let colon = if title.ends_with('?') { "" } else { ":" };
+        let text = format!("{title}{colon} {answer}. {}", self.about);
+        for_terminal(&text).trim_end().to_owned() + "\n"
+    }
+}
 
 /// A length (m), for a person.
 fn length(value_m: Option<f64>) -> String {

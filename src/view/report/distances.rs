@@ -23,16 +23,10 @@ pub type PlanLine<'a> = (&'a StudyPlanMessage, &'static str);
 /// Lines of plans beside each other; `is_reference` says of each, by its place, whether the others are compared with it.
 pub fn lines(
     plans: &[StudyPlanMessage],
-    is_reference: impl Fn(usize, &StudyPlanMessage) -> bool,
+    is_reference: impl Fn(usize) -> bool,
 ) -> Vec<PlanLine<'_>> {
-    let is_reference = |(place, runs)| is_reference(place, runs);
-    let colours = plan_colours(plans.iter().enumerate().map(is_reference));
+    let colours = plan_colours((0..plans.len()).map(is_reference));
     plans.iter().zip(colours).collect()
-}
-
-/// A figure over the whole page of lines that have something to draw; nothing of none.
-fn whole(chart: &Chart, title: &str) -> Option<String> {
-    (!chart.series.is_empty()).then(|| chart.figure(WHOLE, title))
 }
 
 fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
@@ -53,7 +47,7 @@ pub fn distances(lines: &[PlanLine<'_>]) -> Value {
 }
 
 /// The figure: a row for each plan with the distribution of its distances and its mean.
-fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+fn distances_figure(lines: &[PlanLine<'_>]) -> Value {
     let lines = with_runs(lines);
     let range = range(&lines);
     let outlines: Vec<_> = (lines.iter().map(|(runs, _)| outline(runs, &range))).collect();
@@ -85,11 +79,11 @@ fn distances_figure(lines: &[PlanLine<'_>]) -> Option<String> {
         .map(|(runs, _)| (runs.name.clone(), note(runs)));
     let axis = ChartAxis::logarithmic(range.clone());
     let chart = Chart::of_rows(rows, axis, ERRORS, hills);
-    whole(&chart, "Distribution of the residual error of each plan")
+    chart.figure(WHOLE, "Distribution of the residual error of each plan")
 }
 
 /// The mean of each plan with its 95 % interval.
-pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+pub fn means_figure(lines: &[PlanLine<'_>]) -> Value {
     let means = lines.iter().filter_map(|&(runs, colour)| {
         let [low, high] = runs.mean_ci95_mm?;
         Some((&runs.name, [low, runs.mean_mm?, high], colour))
@@ -112,12 +106,12 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> Option<String> {
         });
     let title = "mean residual error [\u{b5}m], logarithmic";
     let chart = Chart::of_rows(rows, axis, title, intervals.collect());
-    let title = "Mean residual error of each plan with its 95 % interval";
-    whole(&chart, title)
+    let name = "Mean residual error of each plan with its 95 % interval";
+    chart.figure(WHOLE, name)
 }
 
 /// The share of each plan's runs that stay below an error.
-pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
+pub fn shares_figure(lines: &[PlanLine<'_>]) -> Value {
     let lines = with_runs(lines);
     let range = range(&lines);
     let series = |(index, (runs, colour)): (usize, &PlanLine<'_>)| {
@@ -135,8 +129,7 @@ pub fn shares_figure(lines: &[PlanLine<'_>]) -> Option<String> {
     ];
     let series = lines.iter().enumerate().map(series).collect();
     let chart = Chart::new(axes, [ERRORS, "runs below it [%]"], series);
-    let title = "Cumulative distribution of the residual error";
-    whole(&chart, title)
+    chart.figure(WHOLE, "Cumulative distribution of the residual error")
 }
 
 /// Each end of a bin (logarithm of um) and the share of the runs below it (%).

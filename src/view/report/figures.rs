@@ -1,5 +1,7 @@
 //! The figures of a calibration's report.
 
+use serde_json::Value;
+
 use crate::identification::IdentificationMessage;
 use crate::numeric::quantile::TWO_SIDED_95;
 use crate::plan::search::BudgetPoint;
@@ -23,7 +25,7 @@ const AXES: [(&str, &str, Mark, f64); 4] = [
 
 /// `rho_0` against the number of measurements: what was searched, this plan, this plan repeated,
 /// and the bound.
-pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> String {
+pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> Value {
     let (points, bounds_mm) = (&evidence.accuracy, &evidence.lower_bounds_rho0_mm);
     let micro = |point: &BudgetPoint| (f64::from(point.experiments), point.rho0_m * 1e6);
     let own = (points.iter()).find(|point| point.experiments == own_experiments);
@@ -49,7 +51,7 @@ pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> Stri
 }
 
 /// What is predicted along a path, or over a region (um), by the number of each pose, which has a name, and over all of them.
-pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) -> String {
+pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) -> Value {
     let numbers = || (1_u32..).map(f64::from).take(values_um.len());
     let points = numbers().zip(values_um.iter().copied());
     let top = values_um.iter().copied().fold(f64::MIN_POSITIVE, f64::max) * 1.12;
@@ -74,7 +76,7 @@ pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) 
 }
 
 /// The identified compliances with their 95 % intervals, relative to the simulated truth.
-pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -> String {
+pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -> Value {
     // The estimate less the truth, over the truth (%), between the ends of its interval.
     let errors = found.compliance_rad_per_nm.iter().enumerate();
     let errors = errors.map(|(index, value)| {
@@ -110,7 +112,7 @@ pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -
 }
 
 /// Residuals in standard deviations of their own, of every measurement: of its coordinates, or of what a gauge reads.
-pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> String {
+pub fn residuals_figure(standardised: &[[Option<f64>; 4]]) -> Value {
     let all = standardised.iter().flatten().flatten();
     let high = all.map(|value| value.abs()).fold(2.6, f64::max) * 1.12;
     let x = 0.5..standardised.len() as f64 + 0.5;
@@ -146,10 +148,10 @@ mod tests {
     #[test]
     fn what_a_gauge_reads_is_no_coordinate() {
         let along = [None, None, None, Some(1.0)];
-        let svg = residuals_figure(&[along, along]);
-        assert!(svg.contains("2, along the gauge: 1.00") && !svg.contains(", x: "));
+        let figure = residuals_figure(&[along, along]).to_string();
+        assert!(figure.contains("2, along the gauge: 1.00") && !figure.contains(", x: "));
         let whole = [Some(1.0), Some(2.0), Some(-1.0), None];
-        let svg = residuals_figure(&[whole, along]);
-        assert!(svg.contains("1, z: -1.00") && svg.contains("2, along the gauge"));
+        let figure = residuals_figure(&[whole, along]).to_string();
+        assert!(figure.contains("1, z: -1.00") && figure.contains("2, along the gauge"));
     }
 }

@@ -10,7 +10,6 @@ mod absolute;
 mod cards;
 mod distances;
 mod figures;
-mod plan_rows;
 mod study;
 mod test_poses;
 
@@ -18,7 +17,6 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::card::Card;
 use super::markup::{PageError, Templates};
 use super::tables;
 use crate::calibration::Calibration;
@@ -33,11 +31,10 @@ use crate::workflow::run::RunOutcome;
 use cards::checks_card;
 use distances::{distances, lines};
 use figures::{accuracy_figure, compliances_figure, residuals_figure};
-use plan_rows::plan_rows;
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
-pub use cards::{readings_cards, run_cards};
+pub use cards::{Card, readings_cards, run_cards};
 pub use study::{best_cards, study_page};
 
 /// What a page about a plan has, whatever is measured.
@@ -80,7 +77,7 @@ impl PlanPage<'_> {
             "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
             "stills": self.stills,
             "reads_along": scenario.task.belief.instrument.reads_along(),
-            "rows": plan_rows(&scenario.task, plan),
+            "rows": tables::plan_rows(&scenario.task, plan),
             "provenance": self.provenance,
             "command": self.command,
         })
@@ -106,9 +103,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let budget = assessment.uncertainty_budget.as_ref();
     let page = shown.shown(&cards, budget, test_poses.as_ref(), &record.plan);
     // Random plans come last.
-    let lines = lines(&evidence.study, |place, _| {
-        place + 1 == evidence.study.len()
-    });
+    let lines = lines(&evidence.study, |place| place + 1 == evidence.study.len());
     let belief = &scenario.task.belief;
     let unit = belief.compliance_unit("1e-6");
     let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;

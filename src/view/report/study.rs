@@ -3,14 +3,13 @@
 use serde_json::{Value, json};
 
 use super::absolute::ABSOLUTE_ACCURACY;
-use super::cards::{conditions_card, verdict_card};
+use super::cards::{Card, conditions_card, verdict_card};
 use super::distances::{distances, lines, means_figure, shares_figure};
 use super::each_once;
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
 use crate::task::AccuracyKind;
 use crate::text::wording::{counted, inverse_interval, joined, micrometres, number};
-use crate::view::card::Card;
 use crate::view::markup::{PageError, Templates, for_page};
 
 /// The page of a study under one set of conditions as HTML: what its runs say, what must be looked at, and the command that made it.
@@ -24,7 +23,7 @@ pub fn study_page(
     command: &str,
 ) -> Result<String, PageError> {
     let reference = header.reference();
-    let lines = lines(plans, |_, runs| Some(&*runs.name) == reference);
+    let lines = lines(plans, |place| Some(&*plans[place].name) == reference);
     let experiments = header.plans[0].conditions.experiments;
     let caption = format!(
         "{} runs of each plan {}, {} each, all with the same noise.",

@@ -31,21 +31,13 @@ pub(super) struct Clock {
 
 /// What a layout's views have beside what the SDK's types of them take.
 pub(super) struct Layout<'a> {
-    clock: &'a Clock,
-    eye_m: Option<[Vector3<f64>; 2]>,
-    properties: Vec<(EntityPath, Vec<SerializedComponentBatch>)>,
+    pub(super) clock: &'a Clock,
+    /// From where (m) scenes are seen, and the place to look at.
+    pub(super) eye_m: Option<[Vector3<f64>; 2]>,
+    pub(super) properties: Vec<(EntityPath, Vec<SerializedComponentBatch>)>,
 }
 
-impl<'a> Layout<'a> {
-    /// For scenes that are seen from a place (m) that looks at another.
-    pub(super) fn new(clock: &'a Clock, eye_m: Option<[Vector3<f64>; 2]>) -> Self {
-        Self {
-            clock,
-            eye_m,
-            properties: Vec::new(),
-        }
-    }
-
+impl Layout<'_> {
     fn set(&mut self, view: &ContainerLike, name: &str, what: &dyn AsComponents) {
         if let ContainerLike::View(view) = view {
             let path = view.blueprint_path().join(&EntityPath::from(name));

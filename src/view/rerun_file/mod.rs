@@ -1,9 +1,9 @@
 //! The stream for the rerun viewer (.rrd).
 
 mod blueprint;
+mod curves;
 mod scene;
 pub mod study;
-mod study_text;
 mod text;
 pub mod viewer;
 
@@ -15,12 +15,13 @@ use re_sdk::blueprint::components::PlayState;
 use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
 use re_sdk::log::ChunkBatcherConfig;
 use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
-use re_sdk_types::archetypes::{Scalars, SeriesPoints, TextDocument};
+use re_sdk_types::archetypes::TextDocument;
 
-use super::recording::{RecordedCalibration, Recording, ShownTool, Step, StepKind, shown};
+use super::recording::Recording;
 use crate::files::{FileError, output::write_whole};
-use crate::record::recorded::ReadOnce;
+use crate::record::run::MeasuredMessage;
 use blueprint::{Clock, Layout};
+use curves::{DEFLECTION, READING, RESIDUAL, log_curves, shown};
 
 /// Whether a stream took what was logged.
 pub type Logged = RecordingStreamResult<()>;
@@ -29,14 +30,6 @@ pub type Logged = RecordingStreamResult<()>;
 const STEP: &str = "step";
 /// The timeline of measurements, repeats counted, numbered from 1.
 const MEASUREMENT: &str = "measurement";
-
-/// The coordinates, and what a gauge reads along its direction.
-const AXES: [(&str, [u8; 3]); 4] = [
-    ("x", [220, 60, 60]),
-    ("y", [50, 160, 70]),
-    ("z", [60, 110, 230]),
-    ("along", [150, 90, 20]),
-];
 
 /// Writes a recording for the rerun viewer.
 pub fn write_rerun(path: &Path, recording: &Recording) -> Result<(), FileError> {
@@ -78,16 +71,22 @@ fn begin(
 ) -> Logged {
     stream.set_log_time_enabled(false);
     stream.send_recording_name(recording.provenance.scenario.as_str())?;
-    let mut layout = Layout::new(clock, recording.eye_m());
+    let mut layout = Layout {
+        clock,
+        eye_m: recording.eye_m(),
+        properties: Vec::new(),
+    };
     let root = root(&mut layout);
     layout.send(root, stream)
 }
 
 fn root(recording: &Recording, layout: &mut Layout) -> ContainerLike {
     let first = recording.calibrations.first();
-    let curves = first.map(|first| first.record.curves());
-    let [readings, of_readings] = curves.unwrap_or(["deflection_mm", "deflections [mm]"]);
-    let curves = [("residuals [mm]", "residual_mm"), (of_readings, readings)]
+    let readings = match first.map(|first| &first.record.measured) {
+        Some(MeasuredMessage::Readings { .. }) => ("readings [mm]", READING),
+        _ => ("deflections [mm]", DEFLECTION),
+    };
+    let curves = [("residuals [mm]", RESIDUAL), readings]
         .map(|(name, group)| layout.curves(name, entity_path!["measurements", group]));
     let results = [
         blueprint::text("results", "text/results"),
@@ -135,66 +134,15 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
             stream.log("text/results", &results)?;
             named = Some(&calibration.record.name);
         }
-        log_step(stream, recording, (calibration, step), &mut mounted)?;
-        for groups in measured(calibration, step) {
+        scene::log_step(stream, recording, (calibration, step), &mut mounted)?;
+        for read in calibration.read_in(step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);
-            let values = groups.into_iter().flat_map(|(group, values)| {
-                let values = AXES.into_iter().zip(values);
-                values.filter_map(move |(axis, value)| Some((group, axis, value?)))
-            });
-            for (group, (axis, colour), value) in values {
-                let path = entity_path!["measurements", group, axis];
-                if styled.insert((group, axis)) {
-                    let series = SeriesPoints::new()
-                        .with_colors([colour])
-                        .with_names([axis])
-                        .with_marker_sizes([4.0]);
-                    stream.log_static(path.clone(), &series)?;
-                }
-                stream.log(path, &Scalars::single(value))?;
+            for shown in shown(&read) {
+                log_curves(stream, &shown, &mut styled)?;
             }
         }
         stream.disable_timeline(MEASUREMENT);
     }
     Ok(())
-}
-
-/// The arms in a step, in pictures and in words; `mounted` is the tool of the step before.
-fn log_step(
-    stream: &RecordingStream,
-    recording: &Recording,
-    (calibration, step): (&RecordedCalibration, &Step),
-    mounted: &mut Option<ShownTool>,
-) -> Logged {
-    scene::log_step(stream, recording, step, mounted)?;
-    let described = TextDocument::from_markdown(text::step(calibration, step));
-    stream.log("text/step", &described)
-}
-
-/// What was measured in a step and what identification left of it (mm) along [`AXES`], measurement by measurement; none in a test
-/// pose.
-type Groups = Vec<(&'static str, [Option<f64>; 4])>;
-
-fn measured(calibration: &RecordedCalibration, step: &Step) -> Vec<Groups> {
-    let StepKind::Experiment {
-        number,
-        measurements,
-    } = &step.kind
-    else {
-        return Vec::new();
-    };
-    let groups = |read: ReadOnce<'_>| {
-        let shown = shown(&read).into_iter();
-        let shown = shown.filter_map(|each| {
-            let [x, y, z] = each.vector_mm.map_or([None; 3], |vector| vector.map(Some));
-            Some((each.group?, [x, y, z, each.along_mm]))
-        });
-        shown.collect()
-    };
-    let record = &calibration.record;
-    record
-        .read_in(*number, measurements.clone())
-        .map(groups)
-        .collect()
 }

@@ -3,12 +3,12 @@
 use nalgebra::{Isometry3, Vector3};
 use re_sdk::{EntityPath, RecordingStream, entity_path};
 use re_sdk_types::archetypes::{
-    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
+    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, TextDocument, Transform3D, ViewCoordinates,
 };
 use re_sdk_types::datatypes::Quaternion;
 
-use super::Logged;
-use crate::view::recording::{Body, Recording, ShownTool, Step};
+use super::{Logged, text};
+use crate::view::recording::{Body, RecordedCalibration, Recording, ShownTool, Step};
 
 /// The loaded arm is light blue and translucent.
 const LOADED_RGBA: [u8; 4] = [110, 180, 255, 130];
@@ -30,11 +30,11 @@ pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Log
     Ok(())
 }
 
-/// The arms and what acts on them in a step; `mounted` is the tool of the step before.
+/// The arms and what acts on them in a step, and the step in words; `mounted` is the tool of the step before.
 pub(super) fn log_step(
     stream: &RecordingStream,
     recording: &Recording,
-    step: &Step,
+    (calibration, step): (&RecordedCalibration, &Step),
     mounted: &mut Option<ShownTool>,
 ) -> Logged {
     let tool = step.tool();
@@ -68,7 +68,9 @@ pub(super) fn log_step(
         .with_radii([0.0])
         .with_colors(labels().map(|(rgb, _)| rgb))
         .with_labels(labels().map(|(_, (_, text))| text.as_str()));
-    stream.log("world/labels", &points)
+    stream.log("world/labels", &points)?;
+    let described = TextDocument::from_markdown(text::step(calibration, step));
+    stream.log("text/step", &described)
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {
@@ -99,8 +101,7 @@ fn log_tools(stream: &RecordingStream, recording: &Recording, tool: ShownTool) -
 }
 
 fn log_arms(stream: &RecordingStream, recording: &Recording, step: &Step) -> Logged {
-    let [unloaded, enlarged] =
-        [&step.unloaded, &step.enlarged].map(|stance| &stance.world_from_link);
+    let [unloaded, _, enlarged] = (step.arms.each_ref()).map(|arm| &arm.world_from_link);
     for (body, (unloaded, enlarged)) in recording.links.iter().zip(unloaded.iter().zip(enlarged)) {
         stream.log(link_path("robot", body), &transform(unloaded))?;
         stream.log(link_path("loaded", body), &transform(enlarged))?;

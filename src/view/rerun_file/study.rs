@@ -10,8 +10,8 @@ use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
 use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
 use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
 
-use super::blueprint::{Clock, Layout, text};
-use super::{Logged, STEP, begin, log_step, scene, study_text, write_stream};
+use super::blueprint::{self, Clock, Layout};
+use super::{Logged, STEP, begin, scene, text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
 use crate::view::charts::plan_colours;
@@ -81,9 +81,9 @@ impl StudyStream {
         snapshot: &Snapshot,
     ) -> Logged {
         stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
-        let table = TextDocument::from_markdown(study_text::table(study, snapshot));
+        let table = TextDocument::from_markdown(text::study_table(study, snapshot));
         stream.log("text/table", &table)?;
-        if let Some(sources) = study_text::sources(snapshot) {
+        if let Some(sources) = text::study_sources(snapshot) {
             stream.log("text/sources", &TextDocument::from_markdown(sources))?;
         }
         for (plan, colour) in snapshot.plans.iter().zip(colours(study)) {
@@ -101,7 +101,7 @@ impl StudyStream {
         let steps = study.arms.steps().count().max(1);
         if let Some((_, calibration, step)) = study.arms.steps().nth(self.snapshots % steps) {
             let shown = (calibration, step);
-            log_step(stream, &study.arms, shown, &mut self.mounted)?;
+            scene::log_step(stream, &study.arms, shown, &mut self.mounted)?;
         }
         self.snapshots += 1;
         Ok(())
@@ -112,7 +112,7 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     if study.arms.shows_robot() {
         scene::log_bodies(stream, &study.arms)?;
     }
-    let about = TextDocument::from_markdown(study_text::about(study));
+    let about = TextDocument::from_markdown(text::study(study));
     stream.log_static("text/about", &about)?;
     for (name, colour) in study.header.labels().iter().zip(colours(study)) {
         // One name for the mean and its band makes one entry in the legend.
@@ -125,16 +125,16 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     let mut mounted = None;
     for (number, calibration, step) in study.arms.steps() {
         stream.set_time_sequence(STEP, number);
-        log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
     }
     stream.disable_timeline(STEP);
     Ok(())
 }
 
 fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
-    let about = text("about this study", "text/about");
+    let about = blueprint::text("about this study", "text/about");
     let left = if study.arms.shows_robot() {
-        let texts = Tabs::new([about, text("step", "text/step")]);
+        let texts = Tabs::new([about, blueprint::text("step", "text/step")]);
         Vertical::new([layout.space(), texts.into()])
             .with_row_shares([2.2, 1.0])
             .into()
@@ -143,12 +143,13 @@ fn root(study: &StudyRecording, layout: &mut Layout) -> ContainerLike {
     };
     let means = "mean distance over the number of runs, with 95 % bands [µm]";
     let has_sources = study.header.plans.iter().any(|plan| plan.account.is_some());
-    let sources = has_sources.then(|| text("where the error comes from", "text/sources"));
+    let sources =
+        has_sources.then(|| blueprint::text("where the error comes from", "text/sources"));
     let distributions = distributions(study, layout);
     let right = Vertical::new([
         layout.curves(means, "means_um"),
         Tabs::new(sources.into_iter().chain(distributions)).into(),
-        text("results so far", "text/table"),
+        blueprint::text("results so far", "text/table"),
     ]);
     Horizontal::new([left, right.with_row_shares([1.0, 1.0, 1.15]).into()])
         .with_column_shares([1.25, 1.0])
@@ -195,24 +196,22 @@ fn colours(study: &StudyRecording) -> impl Iterator<Item = u32> {
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would
 /// make the rest a line.
 fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
-    let (mut shares, mut starts, mut widths) = (Vec::new(), Vec::new(), Vec::new());
     let mut drawn = 0.0;
-    for [low_mm, high_mm, share] in histogram.bins() {
-        if drawn >= DRAWN {
-            break;
-        }
+    let mut bins = histogram.bins();
+    bins.retain(|[.., share]| {
+        let is_drawn = drawn < DRAWN;
         drawn += share;
-        let width = (high_mm - low_mm) * 1e3;
-        shares.push(100.0 * share / width);
-        starts.push(low_mm * 1e3);
-        widths.push(scene::narrow(width));
-    }
-    if shares.is_empty() {
-        return None;
-    }
-    Some(
+        is_drawn
+    });
+    let width = |[low_mm, high_mm, _]: [f64; 3]| (high_mm - low_mm) * 1e3;
+    let all = || bins.iter().copied();
+    let shares: Vec<f64> = all().map(|bin| 100.0 * bin[2] / width(bin)).collect();
+    let starts: Vec<f64> = all().map(|bin| bin[0] * 1e3).collect();
+    let widths = all().map(|bin| scene::narrow(width(bin)));
+    let bars = || {
         BarChart::new(shares)
             .with_abscissa(starts)
-            .with_widths(widths),
-    )
+            .with_widths(widths)
+    };
+    (!bins.is_empty()).then(bars)
 }

@@ -9,7 +9,7 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use re_sdk::external::re_uri::ProxyUri;
+pub use re_sdk::external::re_uri::ProxyUri as Address;
 use re_sdk::sink::{GrpcSink, GrpcSinkConnectionState as State};
 use re_sdk::{RecordingStream, RecordingStreamResult};
 
@@ -28,41 +28,27 @@ const REST: Duration = Duration::from_secs(10);
 const GLANCE: Duration = Duration::from_millis(50);
 
 /// A viewer's address.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Address(ProxyUri);
-
-impl std::str::FromStr for Address {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let uri = text.parse().map_err(|_| {
-            format!("{text:?} is not the address of a rerun viewer, such as {DEFAULT_URL}")
-        })?;
-        Ok(Self(uri))
-    }
+///
+/// # Errors
+/// It is none, in words.
+pub fn address(text: &str) -> Result<Address, String> {
+    text.parse().map_err(|_| {
+        format!("{text:?} is not the address of a rerun viewer, such as {DEFAULT_URL}")
+    })
 }
 
-impl std::fmt::Display for Address {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        self.0.fmt(formatter)
-    }
-}
-
-impl Address {
-    /// Whether something listens there, or why not.
-    pub fn probe(&self) -> std::io::Result<()> {
-        let origin = &self.0.origin;
-        let host = origin.host.to_string();
-        let host = host.trim_start_matches('[').trim_end_matches(']');
-        let mut outcome = Err(std::io::Error::other("there is no such host"));
-        for place in (host, origin.port).to_socket_addrs()? {
-            outcome = TcpStream::connect_timeout(&place, Duration::from_secs(2)).map(|_| ());
-            if outcome.is_ok() {
-                break;
-            }
+/// Whether something listens at an address, or why not.
+pub fn probe(address: &Address) -> std::io::Result<()> {
+    let host = address.origin.host.to_string();
+    let host = host.trim_start_matches('[').trim_end_matches(']');
+    let mut outcome = Err(std::io::Error::other("there is no such host"));
+    for place in (host, address.origin.port).to_socket_addrs()? {
+        outcome = TcpStream::connect_timeout(&place, Duration::from_secs(2)).map(|_| ());
+        if outcome.is_ok() {
+            break;
         }
-        outcome
     }
+    outcome
 }
 
 /// A connection to a viewer.
