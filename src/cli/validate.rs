@@ -78,8 +78,7 @@ impl Validate {
                 shown.text += &format!("{problem}\n");
             }
         }
-        let keys = [shown.json.take()];
-        let mut report = (self.common).report("validate", &scenario, keys, shown)?;
+        let mut report = (self.common).report("validate", &scenario, shown)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
             report_judged(&mut report, tolerance, differences.into_iter());
         }

@@ -102,7 +102,19 @@ impl Compensate {
             text += "Commands for absolute places: --targets.\n";
         }
         text += &taken_as_believed(&robot);
-        let mut report = Report::new(Value::Null, text, conditions);
+        let mut keys = json!({
+            "accuracy": AccuracyKind::Relative.name(),
+            "q_commanded_deg": messages[0].q_commanded_deg,
+            "uncompensated_mm": messages[0].uncompensated_mm,
+            "residual_mm": messages[0].residual_mm,
+            "rho0_mm": messages[0].rho0_mm,
+            "test_poses": messages,
+            "simulated": simulated,
+        });
+        if simulated.is_none() {
+            forget_observed(&mut keys);
+        }
+        let mut report = Report::new(keys, text, conditions);
         // Before anything is written: there may be no way.
         let files = match &dialect {
             Some(dialect) => self.program(&scenario, dialect, &poses)?,
@@ -118,19 +130,7 @@ impl Compensate {
                 report.save(&path, &file.text);
             }
         }
-        let mut keys = json!({
-            "accuracy": AccuracyKind::Relative.name(),
-            "q_commanded_deg": messages[0].q_commanded_deg,
-            "uncompensated_mm": messages[0].uncompensated_mm,
-            "residual_mm": messages[0].residual_mm,
-            "rho0_mm": messages[0].rho0_mm,
-            "test_poses": messages,
-            "simulated": simulated,
-        });
-        if simulated.is_none() {
-            forget_observed(&mut keys);
-        }
-        let mut report = (self.common).report("compensate", &scenario, [keys], report)?;
+        let mut report = (self.common).report("compensate", &scenario, report)?;
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..

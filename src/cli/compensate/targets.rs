@@ -158,11 +158,11 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        let mut report = Report::new(Value::Null, text, conditions);
+        let mut report = Report::new(keys, text, conditions);
         if let Some(path) = &self.angles_out {
             report.write(path, &csv)?;
         }
-        Ok((self.common).report("compensate", scenario, [keys], report)?)
+        Ok((self.common).report("compensate", scenario, report)?)
     }
 
     fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {

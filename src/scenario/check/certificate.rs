@@ -100,7 +100,9 @@ impl Checker<'_> {
                 return Err(self.wrong(&own, problem));
             }
         };
-        let deviation = self.optional(&format!("{key}.{}", size.key), deviation, size.range)?;
+        let key = format!("{key}.{}", size.key);
+        let in_range = |deviation| self.number(&key, deviation, size.range);
+        let deviation = deviation.map(in_range).transpose()?;
         Ok(deviation.map(|deviation| deviation * size.unit))
     }
 

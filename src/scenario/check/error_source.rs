@@ -11,7 +11,6 @@ use crate::mujoco::State;
 use crate::parameter::{
     Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source, UnexplainedError,
 };
-use crate::quantities::plausible::TORQUE_LIMIT;
 use crate::robot::Drive;
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
 use crate::task::{Belief, wrong_station};
@@ -175,7 +174,7 @@ impl<'a> UncertaintyEntry<'a> {
 
     /// Commanded joints that give, under the torque that is given.
     fn stiffening(&self) -> Result<Vec<usize>, FileError> {
-        if self.torque("at_nm")?.is_none() {
+        if self.torque("at_nm").is_none() {
             let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
                            its spring would";
             return Err(self.wrong("at_nm", problem));
@@ -262,9 +261,8 @@ impl<'a> UncertaintyEntry<'a> {
     }
 
     /// A torque (N m; N where a joint slides).
-    pub fn torque(&self, key: &str) -> Result<Option<f64>, FileError> {
-        let value = self.given.get(key).and_then(toml::Value::as_float);
-        self.checker.optional(&self.path(key), value, &TORQUE_LIMIT)
+    pub fn torque(&self, key: &str) -> Option<f64> {
+        self.given.get(key).and_then(toml::Value::as_float)
     }
 
     /// Whether it gives a size, as such or by a maximum permissible error.

@@ -10,7 +10,6 @@ use crate::files::FileError;
 use crate::observation::LengthKind;
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{RESOLUTION, SIZE};
 use crate::robot::ReadsAlong;
 use crate::scenario::file::{File, UncertaintyKind, UncertaintyTable};
 use crate::scenario::instrument_file::{InstrumentReads, InstrumentTable};
@@ -82,17 +81,13 @@ impl Checker<'_> {
         range_mm: Option<f64>,
         resolution_mm: Option<f64>,
     ) -> Result<Gauge, FileError> {
-        let [range_key, step_key] =
-            ["range_mm", "resolution_mm"].map(|name| format!("{key}.{name}"));
-        let range_mm = self.optional(&range_key, range_mm, &SIZE)?;
-        let step_mm = self.optional(&step_key, resolution_mm, &RESOLUTION)?;
-        if let (Some(range_mm), Some(step_mm)) = (range_mm, step_mm)
+        if let (Some(range_mm), Some(step_mm)) = (range_mm, resolution_mm)
             && step_mm > range_mm
         {
             let problem = format!(
-                "found {step_mm}, and {range_key} is {range_mm}: it would show nothing but zero"
+                "found {step_mm}, and {key}.range_mm is {range_mm}: it would show nothing but zero"
             );
-            let wrong = self.wrong(&step_key, problem);
+            let wrong = self.wrong(&format!("{key}.resolution_mm"), problem);
             return Err(
                 wrong.hint("the step is that of the last digit, the range how far the gauge goes")
             );
@@ -100,7 +95,7 @@ impl Checker<'_> {
         Ok(Gauge {
             beside_m: None,
             range_m: range_mm.map(|mm| mm * 1e-3),
-            resolution_m: step_mm.unwrap_or(0.0) * 1e-3,
+            resolution_m: resolution_mm.unwrap_or(0.0) * 1e-3,
             drift_share: 1.0,
         })
     }

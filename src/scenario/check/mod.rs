@@ -9,7 +9,6 @@ mod inputs;
 mod instrument;
 mod laboratory;
 mod load;
-mod name;
 mod number;
 mod prior;
 mod region;
@@ -21,11 +20,12 @@ mod test_pose;
 mod torque_law;
 mod transmission_error;
 mod uncertainty;
+mod values;
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use self::additions::Locked;
+use self::additions::{Locked, locked};
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::prior::sampled_about_earlier;
@@ -71,10 +71,10 @@ impl Checker<'_> {
         let file = self.parse(text)?;
         let table = toml::from_str(text)
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
-        self.check_names("", &table)?;
+        self.check_table("", "", &table)?;
 
         let additions = self.additions(&file)?;
-        let locked = self.locked(&file.robot)?;
+        let locked = locked(&file.robot);
         let mut nominal = self.nominal(&file, &additions, &locked)?;
         let tool = |key: &str, site: &str| self.tool(key, &nominal.model, site);
         let calibration_tool = tool("robot.calibration_site", &file.robot.calibration_site)?;

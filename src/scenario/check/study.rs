@@ -8,7 +8,7 @@ use crate::files::FileError;
 use crate::plan::search::SearchError;
 use crate::plan::{Criterion, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
-use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
+use crate::quantities::plausible::SPREAD;
 use crate::robot::Commands;
 use crate::scenario::PlanFile;
 use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
@@ -76,13 +76,13 @@ impl Checker<'_> {
     pub(super) fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
         let key = "study.compliance_spread";
         match spread {
-            Spread::All(value) => self
-                .number(key, *value, &SPREAD)
-                .map(|value| vec![value; joints]),
-            Spread::Each(values) => self
-                .one_per_joint(key, values, joints, &SPREAD)
-                .map(<[f64]>::to_vec),
+            Spread::All(value) => Ok(vec![*value; joints]),
+            Spread::Each(values) => self.one_per_joint(key, values, joints).map(<[f64]>::to_vec),
         }
+        .and_then(|all| {
+            let each = all.iter().map(|&value| self.number(key, value, &SPREAD));
+            each.collect()
+        })
         .map_err(|error| error.hint("0.1 lets the compliances vary by about 10 %"))
     }
 
@@ -93,9 +93,7 @@ impl Checker<'_> {
         base: Conditions,
         context: &Context<'_>,
     ) -> Result<Vec<Conditions>, FileError> {
-        let number = |kind: Kind, unit: f64| {
-            move |key: &str, &value: &f64| Ok(self.number(key, value, &kind)? * unit)
-        };
+        let times = |unit: f64| move |_: &str, &value: &f64| Ok(value * unit);
         let enough = |key: &str, &m: &u32| self.enough(key, m, context).map(|()| m);
         let mm = 1e-3 * context.sigma_of.deflection_factor();
         let (counts, sigmas) = (table.experiments.as_ref(), table.sigma_mm.as_ref());
@@ -108,8 +106,8 @@ impl Checker<'_> {
         let combinations = (numbers.into_iter().flatten()).fold(1, usize::saturating_mul);
         self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
         let counts = self.swept("experiments", counts, base.experiments, enough)?;
-        let scales = self.swept("load_scale", scales, base.load_scale, number(FACTOR, 1.0))?;
-        let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, number(DEVIATION, mm))?;
+        let scales = self.swept("load_scale", scales, base.load_scale, times(1.0))?;
+        let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, times(mm))?;
         let mut all = Vec::with_capacity(combinations);
         for &experiments in &counts {
             for &load_scale in &scales {

@@ -6,7 +6,6 @@ use super::Checker;
 use crate::compensation::test_pose_rows;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::WEIGHT;
 use crate::robot::{Commands, Load, SerialChain, Tool};
 use crate::scenario::file::TestPoseTable;
 use crate::task::{Belief, TestPose};
@@ -33,7 +32,6 @@ impl Checker<'_> {
             let configuration_rad = self.configuration(&q_key, &table.q_deg, chain, &commands)?;
             let state = chain.at(machining_tool).state(configuration_rad.as_slice());
             let axes = &state.tool_rotation;
-            let weight = table.weight.unwrap_or(1.0);
             let unnamed = || format!("test pose {}", index + 1);
             let name = table.name.clone().unwrap_or_else(unnamed);
             if poses.iter().any(|pose: &TestPose| pose.name == name) {
@@ -46,7 +44,7 @@ impl Checker<'_> {
                     .then_some(*axes),
                 direction: self.direction(&key, table, axes)?,
                 configuration_rad,
-                weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,
+                weight: table.weight.unwrap_or(1.0),
             });
         }
         let total: f64 = poses.iter().map(|pose| pose.weight).sum();
@@ -70,7 +68,7 @@ impl Checker<'_> {
         ];
         let is_given = |load: [Option<&[f64]>; 2]| load.iter().any(Option::is_some);
         if !is_given(in_tool) {
-            let load = self.load(key, ["force_n", "torque_nm"], in_world);
+            let load = self.load(key, "force_n", in_world);
             return load.map_err(|error| match error.place.as_deref() {
                 Some(place) if place == key => {
                     error.hint("give the forces of the process that the robot must withstand there")
@@ -85,7 +83,7 @@ impl Checker<'_> {
                  tool's",
             ));
         }
-        let load = self.load(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
+        let load = self.load(key, "tool_force_n", in_tool)?;
         Ok(load.turned(axes))
     }
 

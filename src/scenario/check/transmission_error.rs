@@ -7,7 +7,6 @@ use super::error_source::UncertaintyEntry;
 use crate::files::FileError;
 use crate::numeric::markov::Kernel;
 use crate::parameter::{GearWave, ParameterKind, ReadingSource, Source, TransmissionError};
-use crate::quantities::plausible::{ANGLE_WIDTH, SIZE};
 
 /// More waves are no list of what a gear has ...
 const MOST_WAVES: usize = 20;
@@ -29,13 +28,11 @@ impl UncertaintyEntry<'_> {
             return self.waves(harmonics, &joints);
         }
         let slides = self.gives("correlation_mm");
-        let (key, given, allowed, unit) = if slides {
-            ("correlation_mm", table.correlation_mm, &SIZE, 1e-3)
+        let (length, unit) = if slides {
+            (table.correlation_mm, 1e-3)
         } else {
-            let unit = 1_f64.to_radians();
-            ("correlation_deg", table.correlation_deg, &ANGLE_WIDTH, unit)
+            (table.correlation_deg, 1_f64.to_radians())
         };
-        let length = self.checker.optional(&self.path(key), given, allowed)?;
         let correlation = table.correlation.unwrap_or_default();
         let kernel = length.map(|length| Kernel {
             correlation,

@@ -1,15 +1,79 @@
-//! Names and other text: one line without control characters, which would reach terminals, pages and
-//! other programs.
+//! Texts and numbers that are allowed, by their keys, wherever these stand.
+//!
+//! Names and other text are one line without control characters, which would reach terminals, pages and other programs. Numbers that have
+//! other keys are a matter of the file of their table: standard deviations, directions, counts.
 
-use toml::Value;
+use toml::{Table, Value};
 
 use super::Checker;
 use crate::files::FileError;
+use crate::quantities::plausible::{
+    ANGLE, ANGLE_WIDTH, APPROACH, AXIS_SPEED, CLEARANCE, COMPLIANCE, DEVIATION, ELEVATION, FACTOR,
+    FORCE, FORCE_LIMIT, INCIDENCE, Kind, LEAST_FORCE, MASS, MINUTES, POSITION, RESOLUTION,
+    ROTATION_DEVIATION, SIZE, TORQUE, TORQUE_LIMIT, WEIGHT,
+};
 use crate::text::{is_unseen, wrong_name};
 
+/// Of each kind of numbers the keys, and how many there are of them where that is not for the robot to say. A key may be that of a table
+/// from joints' names to numbers.
+const NUMBERS: [(Kind, Option<usize>, &[&str]); 31] = [
+    (ANGLE, Some(3), &["rpy_deg"]),
+    (ANGLE, Some(2), &["joint_range_deg", "joint_range_mm"]),
+    (ANGLE, None, &["q_deg", "safe_deg", "locked_deg"]),
+    (ANGLE_WIDTH, None, &["within_deg", "correlation_deg"]),
+    (APPROACH, None, &["approach_deg"]),
+    (AXIS_SPEED, None, &["axis_speed_deg_s"]),
+    (CLEARANCE, None, &["collision_clearance_mm"]),
+    (COMPLIANCE, None, &["compliance_rad_per_nm"]),
+    (DEVIATION, None, &["sigma_mm"]),
+    (DEVIATION, None, &["stiffens_at_mm", "softens_at_mm"]),
+    (ELEVATION, None, &["tool_elevation_max_deg"]),
+    (FACTOR, None, &["load_scale"]),
+    (FORCE, Some(3), &["force_n", "tool_force_n"]),
+    (FORCE_LIMIT, None, &["force_max_n"]),
+    (INCIDENCE, None, &["incidence_max_deg"]),
+    (LEAST_FORCE, None, &["force_min_n"]),
+    (MASS, None, &["mass_kg"]),
+    (MINUTES, None, &["station_min", "move_min"]),
+    (MINUTES, None, &["load_change_min", "reading_min"]),
+    (POSITION, Some(3), &["position_mm", "centre_mm"]),
+    (POSITION, None, &["locked_mm"]),
+    (
+        POSITION,
+        None,
+        &["tool_height_min_mm", "tool_height_max_mm"],
+    ),
+    (
+        POSITION,
+        None,
+        &["tool_radius_min_mm", "tool_radius_max_mm"],
+    ),
+    (RESOLUTION, None, &["resolution_mm"]),
+    (
+        ROTATION_DEVIATION,
+        None,
+        &["stiffens_at_mrad", "softens_at_mrad"],
+    ),
+    (SIZE, Some(3), &["size_mm"]),
+    (SIZE, None, &["radius_mm", "length_mm", "correlation_mm"]),
+    (SIZE, None, &["range_mm", "range_min_mm", "range_max_mm"]),
+    (TORQUE, Some(3), &["torque_nm", "tool_torque_nm"]),
+    (
+        TORQUE_LIMIT,
+        None,
+        &["at_nm", "turned_over_at_nm", "joint_torque_max_nm"],
+    ),
+    (WEIGHT, None, &["weight"]),
+];
+
 impl Checker<'_> {
-    /// Checks every text of a table under its key, and every key that names something.
-    pub(super) fn check_names(&self, path: &str, table: &toml::Table) -> Result<(), FileError> {
+    /// Checks all that stands in a table under its key, the keys themselves among it.
+    pub(super) fn check_table(
+        &self,
+        path: &str,
+        own: &str,
+        table: &Table,
+    ) -> Result<(), FileError> {
         for (key, value) in table {
             let path = match path {
                 "" => key.clone(),
@@ -18,7 +82,8 @@ impl Checker<'_> {
             if let Some(problem) = wrong_name(key) {
                 return Err(self.wrong(&path, problem));
             }
-            self.check_value(&path, key, value)?;
+            let is_of_joints = numbers(own).is_some();
+            self.check_value(&path, if is_of_joints { own } else { key }, value)?;
         }
         Ok(())
     }
@@ -29,13 +94,36 @@ impl Checker<'_> {
                 Some(problem) => Err(self.wrong(path, problem)),
                 None => Ok(()),
             },
-            Value::Array(values) => (values.iter().enumerate()).try_for_each(|(index, each)| {
-                self.check_value(&format!("{path}[{index}]"), key, each)
-            }),
-            Value::Table(table) => self.check_names(path, table),
-            _ => Ok(()),
+            Value::Array(values) => {
+                let count = numbers(key).and_then(|(_, count)| count);
+                if let Some(count) = count.filter(|count| *count != values.len()) {
+                    let problem = format!("found {} numbers; {count} are allowed", values.len());
+                    return Err(self.wrong(path, problem));
+                }
+                (values.iter().enumerate()).try_for_each(|(index, each)| match each {
+                    Value::Float(_) | Value::Integer(_) => self.check_value(path, key, each),
+                    _ => self.check_value(&format!("{path}[{index}]"), key, each),
+                })
+            }
+            Value::Table(table) => self.check_table(path, key, table),
+            Value::Float(number) => self.check_number(path, key, *number),
+            Value::Integer(number) => self.check_number(path, key, *number as f64),
+            Value::Boolean(_) | Value::Datetime(_) => Ok(()),
         }
     }
+
+    fn check_number(&self, path: &str, key: &str, number: f64) -> Result<(), FileError> {
+        match numbers(key) {
+            Some((kind, _)) => self.number(path, number, &kind).map(drop),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The kind of the numbers under a key, and how many there are in an array.
+fn numbers(key: &str) -> Option<(Kind, Option<usize>)> {
+    let row = NUMBERS.iter().find(|(.., keys)| keys.contains(&key))?;
+    Some((row.0, row.1))
 }
 
 fn wrong_text(key: &str, text: &str) -> Option<String> {
