@@ -366,35 +366,30 @@ impl Common {
         origin: Option<&Origin>,
     ) -> anyhow::Result<Scenario> {
         let usage = format!("elastocal {command} SCENARIO {option} {}", shell_path(file));
-        let Some(given) = &self.scenario else {
-            let Some(origin) = origin else {
-                let problem =
-                    "no scenario was given, and the file does not say to which one it belongs";
-                return Err(FileError::new(file, problem)
-                    .code(ErrorCode::ScenarioOfFile)
-                    .hint(format!("name the robot's scenario: {usage}"))
-                    .into());
-            };
-            let scenario = self.load_file(&origin.scenario)?;
-            if scenario.sha256 != origin.scenario_sha256 {
-                let name = origin.scenario.display();
-                let problem = format!("it belongs to {name}, which has changed since");
-                let hint = format!("if that does not matter, name the scenario: {usage}");
-                let wrong = FileError::new(file, problem).code(ErrorCode::ScenarioOfFile);
-                return Err(wrong.hint(hint).into());
-            }
+        let wrong = |problem: &str, hint: String| {
+            let wrong = FileError::new(file, problem).code(ErrorCode::ScenarioOfFile);
+            wrong.hint(hint)
+        };
+        let own = origin.map(|origin| &origin.scenario);
+        let Some(path) = self.scenario.as_ref().or(own) else {
+            let problem =
+                "no scenario was given, and the file does not say to which one it belongs";
+            return Err(wrong(problem, format!("name the robot's scenario: {usage}")).into());
+        };
+        let scenario = self.load_file(path)?;
+        let Some(origin) = origin.filter(|origin| origin.scenario_sha256 != scenario.sha256) else {
             return Ok(scenario);
         };
-        let scenario = self.load_file(given)?;
-        if let Some(origin) = origin
-            && scenario.sha256 != origin.scenario_sha256
-        {
-            self.say(&format!(
-                "{} was made under another scenario, or another state of it: {}",
-                file.display(),
-                origin.scenario.display()
-            ));
+        let name = origin.scenario.display();
+        if self.scenario.is_none() {
+            let problem = format!("it belongs to {name}, which has changed since");
+            let hint = format!("if that does not matter, name the scenario: {usage}");
+            return Err(wrong(&problem, hint).into());
         }
+        let file = file.display();
+        self.say(&format!(
+            "{file} was made under another scenario, or another state of it: {name}"
+        ));
         Ok(scenario)
     }
 

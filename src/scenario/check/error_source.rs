@@ -1,19 +1,20 @@
 //! One of the tables `[[uncertainty]]`: the error source that it is.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DVector, Vector3};
 use toml::Table;
 
 use super::Checker;
-use super::certificate::{SIZES, Size};
-use super::gauge::other_instrument;
+use super::certificate::SIZES;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
     Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source, UnexplainedError,
 };
-use crate::robot::Drive;
+use crate::robot::{Drive, ReadsAlong};
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
-use crate::task::{Belief, wrong_station};
+use crate::task::{Belief, Instrument, wrong_station};
 
 /// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
 /// instrument may stand, and the first test pose.
@@ -28,8 +29,10 @@ pub(super) struct UncertaintyEntry<'a> {
     pub checker: &'a Checker<'a>,
     key: String,
     pub table: &'a UncertaintyTable,
-    /// The same by its keys, of those that are given.
+    /// The same by its keys, of those that are given,
     given: Table,
+    /// and the standard deviations among them (SI).
+    sizes: BTreeMap<&'static str, f64>,
     pub belief: &'a Belief,
     pub places: ReadingPlaces<'a>,
 }
@@ -43,11 +46,12 @@ impl<'a> UncertaintyEntry<'a> {
         (belief, places): (&'a Belief, ReadingPlaces<'a>),
     ) -> Result<Self, FileError> {
         let given = Table::try_from(table).unwrap_or_default();
-        let entry = Self {
+        let mut entry = Self {
             checker,
             key,
             table,
             given,
+            sizes: BTreeMap::new(),
             belief,
             places,
         };
@@ -73,7 +77,7 @@ impl<'a> UncertaintyEntry<'a> {
         if let Some(problem) = other_instrument(table, &belief.instrument) {
             return Err(entry.wrong("kind", problem));
         }
-        checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;
+        entry.sizes = checker.deviations(&entry.key, &entry.given, &SIZES)?;
         if !sizes.iter().any(|size| entry.gives(size)) {
             let all = sizes.join(" or ");
             let problem = format!("a {kind} needs its standard deviation: {all}");
@@ -106,7 +110,7 @@ impl<'a> UncertaintyEntry<'a> {
             Kind::JointRepeatability => self.joint_repeatability()?,
             Kind::TrackerRange => New::Range(self.tracker_range()?),
             Kind::TransmissionError => return self.transmission_error(),
-            Kind::TaskForce => return self.task_force(),
+            Kind::TaskForce => return Ok(self.task_force()),
             Kind::JointZero | Kind::Backlash => {
                 let of = |(joint, size)| match self.table.kind {
                     Kind::Backlash => (Of::JointBacklash { joint }, size),
@@ -223,20 +227,17 @@ impl<'a> UncertaintyEntry<'a> {
         Ok(kinds)
     }
 
-    fn task_force(&self) -> Result<Source, FileError> {
-        let scale = self.optional_size("std_relative")?;
-        let force = self.optional_size("std_n")?;
-        let axes = force.map(|size| Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
-        let all = scale.map(|size| (Of::TaskScale, size)).into_iter();
-        Ok(Source::Plan(
-            all.chain(axes.into_iter().flatten()).collect(),
-        ))
+    fn task_force(&self) -> Source {
+        let [scale, force] = ["std_relative", "std_n"].map(|key| self.sizes.get(key));
+        let axes = force.map(|&size| Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
+        let all = scale.map(|&size| (Of::TaskScale, size)).into_iter();
+        Source::Plan(all.chain(axes.into_iter().flatten()).collect())
     }
 
     /// The noise that grows with the distance from the tracker.
     fn tracker_range(&self) -> Result<RangeNoise, FileError> {
         let per_metre = self.size("std_um_per_m")?;
-        let along = self.optional_size("along_um_per_m")?;
+        let along = self.sizes.get("along_um_per_m").copied();
         let from_m = tracker_m(self.belief).ok_or_else(|| {
             let problem =
                 "the noise grows with the distance from the tracker, and nothing says where it is";
@@ -265,27 +266,18 @@ impl<'a> UncertaintyEntry<'a> {
         self.given.get(key).and_then(toml::Value::as_float)
     }
 
-    /// Whether it gives a size, as such or by a maximum permissible error.
+    /// Whether it gives a key, or a size by a maximum permissible error.
     pub fn gives(&self, key: &str) -> bool {
-        let by_mpe = |size: &Size| size.key == key && self.given.contains_key(size.mpe);
-        self.given.contains_key(key) || SIZES.iter().any(by_mpe)
+        self.given.contains_key(key) || self.sizes.contains_key(key)
     }
 
     /// A standard deviation in SI units.
     pub fn size(&self, key: &str) -> Result<f64, FileError> {
-        self.optional_size(key)?.ok_or_else(|| {
+        self.sizes.get(key).copied().ok_or_else(|| {
             let kind = self.table.kind.name();
-            self.wrong(
-                key,
-                format!("is missing: the standard deviation of a {kind}"),
-            )
+            let problem = format!("is missing: the standard deviation of a {kind}");
+            self.wrong(key, problem)
         })
-    }
-
-    fn optional_size(&self, key: &str) -> Result<Option<f64>, FileError> {
-        let size = SIZES.iter().find(|size| size.key == key);
-        let given = size.map(|size| self.checker.deviation(&self.key, &self.given, size));
-        Ok(given.transpose()?.flatten())
     }
 
     pub fn drive(&self, joint: usize) -> &Drive {
@@ -409,5 +401,38 @@ fn tracker_m(belief: &Belief) -> Option<Vector3<f64>> {
             Some(state.site(site).0)
         }
         None => belief.stations.first().map(|station| station.position_m),
+    }
+}
+
+/// Why an uncertainty of a kind is not of what reads, a gauge or not; nothing where it is.
+fn other_instrument(table: &UncertaintyTable, instrument: &Instrument) -> Option<&'static str> {
+    use ReadsAlong::{Always, Never};
+    let reads_along = instrument.reads_along();
+    let length = instrument.length_alone();
+    match table.kind {
+        Kind::GaugeDirection if reads_along == Never => {
+            Some("is of a gauge, and instrument.reads is not \"displacement\"")
+        }
+        Kind::TrackerRange if reads_along == Always => {
+            Some("is of an instrument with a frame, and instrument.reads is \"displacement\"")
+        }
+        Kind::TrackerRange if length.is_some_and(|kind| !kind.is_sighted()) => Some(
+            "is of an instrument that reads along a line of sight, and instrument.reads is none",
+        ),
+        Kind::BaseRotation if reads_along != Never => Some(
+            "is of an instrument with a frame, and a gauge reads, alone or beside one, along the directions of the world",
+        ),
+        Kind::BaseRotation if instrument.lengths().next().is_some() => Some(
+            "is of an instrument with a frame; of where lengths are read from, see station_rotation",
+        ),
+        Kind::StationPosition | Kind::StationRotation if instrument.lengths().next().is_none() => {
+            Some("is of a place that lengths are read from, and the instrument reads none")
+        }
+        // Harmonics are the robot's own.
+        Kind::TransmissionError if table.harmonics.is_some() => None,
+        Kind::Discrepancy | Kind::TransmissionError if reads_along != Never => Some(
+            "is shared by all deflections of a configuration, which displacements along a direction are not planned with",
+        ),
+        _ => None,
     }
 }

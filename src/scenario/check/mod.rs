@@ -4,7 +4,6 @@ mod additions;
 mod certificate;
 mod design;
 mod error_source;
-mod gauge;
 mod inputs;
 mod instrument;
 mod laboratory;
