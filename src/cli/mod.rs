@@ -20,7 +20,6 @@ mod import;
 mod init;
 pub mod interruption;
 mod lab;
-mod load_model;
 mod measure;
 mod merge;
 mod model_selection;
@@ -55,6 +54,7 @@ use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use crate::files::output::{check_writable, write_whole};
 use crate::files::{FileError, roles::Roles, shipped};
 use crate::measurement::Origin;
+use crate::mujoco::{Model, State, limit_process};
 use crate::record::messages::{platform, results};
 use crate::scenario::{Scenario, scenario_schema};
 use crate::text::{diagnostics::say, plain, wording::shell_path};
@@ -176,8 +176,8 @@ enum Command {
     /// What a code of a condition or an error means
     Explain(explain::Explain),
     /// Load a model in a process of its own
-    #[command(hide = true)]
-    LoadModel(load_model::LoadModel),
+    #[command(hide = true, name = LOAD_MODEL)]
+    LoadModel { model: PathBuf },
 }
 
 /// Matches commands: those of the kinds that are listed by what they have alike, then all others.
@@ -265,12 +265,12 @@ impl Arguments {
                 .num_threads(useful(threads.into()))
                 .build_global()?;
         }
-        if let Command::LoadModel(command) = &self.command {
-            return command.execute();
+        if let Command::LoadModel { model } = &self.command {
+            return load_model(model);
         }
         // Every model is loaded by another process first.
         if let Some(program) = itself {
-            crate::mujoco::rehearse_with(program, load_model::NAME);
+            crate::mujoco::rehearse_with(program, LOAD_MODEL);
         }
         let report = self.report()?;
         let text = if json {
@@ -294,7 +294,7 @@ impl Arguments {
             },
             Command::Explain(command) => Ok(command.execute()),
             // It has nothing to report.
-            Command::LoadModel(_) => Ok(Report::default()))?;
+            Command::LoadModel { .. } => Ok(Report::default()))?;
         report
             .conditions
             .extend(std::mem::take(&mut report.written).conditions());
@@ -308,6 +308,18 @@ impl Arguments {
         }
         Ok(report)
     }
+}
+
+/// The command that only loads a model, in a process that may break down.
+const LOAD_MODEL: &str = "load-model";
+
+fn load_model(path: &Path) -> anyhow::Result<Vec<Condition>> {
+    limit_process();
+    let model = Model::load(path)?;
+    let mut state = State::new(&model);
+    state.move_to(&[]);
+    state.nearest_contact(0.0);
+    Ok(Vec::new())
 }
 
 impl Command {

@@ -12,9 +12,10 @@ use crate::mujoco::State;
 use crate::parameter::{
     Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source, UnexplainedError,
 };
-use crate::robot::{Drive, ReadsAlong};
+use crate::robot::{Drive, ReadsAlong, Robot};
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
 use crate::task::{Belief, Instrument, wrong_station};
+use crate::text::wording::joined;
 
 /// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
 /// instrument may stand, and the first test pose.
@@ -23,6 +24,16 @@ pub(super) struct ReadingPlaces<'a> {
     pub between_h: f64,
     pub test_pose_rad: &'a DVector<f64>,
 }
+
+/// The keys that all kinds have.
+const OF_ALL: [&str; 6] = [
+    "kind",
+    "name",
+    "hidden",
+    "replaced",
+    "distribution",
+    "coverage_factor",
+];
 
 /// One table under its key, of a belief.
 pub(super) struct UncertaintyEntry<'a> {
@@ -55,22 +66,14 @@ impl<'a> UncertaintyEntry<'a> {
             belief,
             places,
         };
-        let [sizes, further] = table.kind.keys();
+        let [sizes, further] = table.kind.keys().map(|keys| keys.split_whitespace());
+        let own: Vec<&str> = sizes.clone().chain(further).collect();
         let kind = table.kind.name();
         for key in entry.given.keys() {
             let of_mpe = SIZES.iter().find(|size| size.mpe == key);
             let meant = of_mpe.map_or(key.as_str(), |size| size.key);
-            let is_of_all = [
-                "kind",
-                "name",
-                "hidden",
-                "replaced",
-                "distribution",
-                "coverage_factor",
-            ]
-            .contains(&meant);
-            if !is_of_all && !sizes.contains(&meant) && !further.contains(&meant) {
-                let all = [sizes, further].concat().join(" or ");
+            if !OF_ALL.contains(&meant) && !own.contains(&meant) {
+                let all = own.join(" or ");
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
             }
         }
@@ -78,8 +81,8 @@ impl<'a> UncertaintyEntry<'a> {
             return Err(entry.wrong("kind", problem));
         }
         entry.sizes = checker.deviations(&entry.key, &entry.given, &SIZES)?;
-        if !sizes.iter().any(|size| entry.gives(size)) {
-            let all = sizes.join(" or ");
+        if !sizes.clone().any(|size| entry.gives(size)) {
+            let all = joined(sizes, " or ");
             let problem = format!("a {kind} needs its standard deviation: {all}");
             return Err(checker.wrong(&entry.key, problem));
         }
@@ -98,7 +101,8 @@ impl<'a> UncertaintyEntry<'a> {
     /// What is uncertain, and by how much.
     pub fn source(&self) -> Result<Source, FileError> {
         use ReadingSource as New;
-        let key = self.table.kind.keys()[0][0];
+        let [sizes, _] = self.table.kind.keys();
+        let key = sizes.split(' ').next().unwrap_or_default();
         Ok(Source::Reading(match self.table.kind {
             Kind::LoadDirection => New::LoadDirection(self.size(key)?),
             Kind::LoadPoint => New::LoadPoint(self.size(key)?),
@@ -139,19 +143,30 @@ impl<'a> UncertaintyEntry<'a> {
             let axes = |link| Axis::ALL.map(|axis| of(link, axis));
             which.into_iter().flat_map(axes).collect()
         };
-        let links = || self.joints(|_| true, |_| None);
+        let obstacle = |joint| self.obstacle(joint);
+        let joints = || self.joints(|_| true, obstacle);
         Ok(match self.table.kind {
-            Kind::Compliance => each(self.elastic()?, |joint| Of::JointCompliance { joint }),
-            Kind::Stiffening => each(self.stiffening()?, |joint| Of::JointStiffening { joint }),
-            Kind::LinkMass => each(self.heavy()?, |link| Of::LinkMass { link }),
-            Kind::LinkCentre => {
-                axes_of_each(self.heavy()?, |link, axis| Of::LinkCentre { link, axis })
+            // Of joints whose compliances are not to be found, or those that are named.
+            Kind::Compliance => {
+                let is_known = |joint: usize| !self.belief.parameters.contains(&joint);
+                let joints = self.joints(is_known, obstacle)?;
+                each(joints, |joint| Of::JointCompliance { joint })
             }
+            Kind::Stiffening => {
+                if self.torque("at_nm").is_none() {
+                    let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
+                                   its spring would";
+                    return Err(self.wrong("at_nm", problem));
+                }
+                each(joints()?, |joint| Of::JointStiffening { joint })
+            }
+            Kind::LinkMass => each(joints()?, |link| Of::LinkMass { link }),
+            Kind::LinkCentre => axes_of_each(joints()?, |link, axis| Of::LinkCentre { link, axis }),
             Kind::LinkPosition => {
-                axes_of_each(links()?, |link, axis| Of::LinkPosition { link, axis })
+                axes_of_each(joints()?, |link, axis| Of::LinkPosition { link, axis })
             }
             Kind::LinkRotation => {
-                axes_of_each(links()?, |link, axis| Of::LinkRotation { link, axis })
+                axes_of_each(joints()?, |link, axis| Of::LinkRotation { link, axis })
             }
             Kind::SpringStiffness => each(self.springs()?, |spring| Of::SpringStiffness { spring }),
             Kind::SpringRest => each(self.springs()?, |spring| Of::SpringRest { spring }),
@@ -165,40 +180,33 @@ impl<'a> UncertaintyEntry<'a> {
         })
     }
 
-    /// Joints that give and whose compliances are not to be found, or those that are named.
-    fn elastic(&self) -> Result<Vec<usize>, FileError> {
-        let is_known = |joint: usize| !self.belief.parameters.contains(&joint);
-        self.joints(is_known, |joint| self.rigid(joint))
-    }
-
-    fn rigid(&self, joint: usize) -> Option<&'static str> {
-        let is_rigid = self.belief.nominal.compliance_rad_per_nm[joint] <= 0.0;
-        is_rigid.then_some("is rigid: its compliance is zero and cannot be wrong by a share")
-    }
-
-    /// Commanded joints that give, under the torque that is given.
-    fn stiffening(&self) -> Result<Vec<usize>, FileError> {
-        if self.torque("at_nm").is_none() {
-            let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
-                           its spring would";
-            return Err(self.wrong("at_nm", problem));
+    /// Why a table of its kind cannot be about a joint, or about the link that it moves.
+    fn obstacle(&self, joint: usize) -> Option<&'static str> {
+        let Robot {
+            chain,
+            compliance_rad_per_nm,
+            ..
+        } = &self.belief.nominal;
+        let is_passive = chain.joints[joint].drive.passive_at.is_some();
+        let is_rigid = compliance_rad_per_nm[joint] <= 0.0;
+        match self.table.kind {
+            Kind::LinkMass | Kind::LinkCentre if chain.joints[joint].mass_kg <= 0.0 => {
+                Some("moves a link that has no mass")
+            }
+            Kind::Stiffening if is_passive => Some("is passive: its spring is the model's"),
+            Kind::Compliance | Kind::Stiffening if is_rigid => {
+                Some("is rigid: its compliance is zero and cannot be wrong by a share")
+            }
+            Kind::JointZero
+            | Kind::Backlash
+            | Kind::JointRepeatability
+            | Kind::TransmissionError
+                if is_passive =>
+            {
+                Some("is passive: nothing commands it")
+            }
+            _ => None,
         }
-        let passive = |joint: usize| {
-            let is_passive = self.drive(joint).passive_at.is_some();
-            is_passive.then_some("is passive: its spring is the model's")
-        };
-        self.joints(
-            |_| true,
-            |joint| passive(joint).or_else(|| self.rigid(joint)),
-        )
-    }
-
-    /// Links that weigh something.
-    fn heavy(&self) -> Result<Vec<usize>, FileError> {
-        let chain = &self.belief.nominal.chain;
-        let weightless = |link: usize| chain.joints[link].mass_kg <= 0.0;
-        let obstacle = |link| weightless(link).then_some("moves a link that has no mass");
-        self.joints(|_| true, obstacle)
     }
 
     /// The coordinates of positions (0) or rotations (1) of stations that are named, or of all, as far as lengths from there show them.
@@ -353,13 +361,10 @@ impl<'a> UncertaintyEntry<'a> {
             let slides = self.drive(joint).slides;
             if slides { "std_mm" } else { of_angle }
         };
-        let passive = |joint: usize| {
-            let is_passive = self.drive(joint).passive_at.is_some();
-            is_passive.then_some("is passive: nothing commands it")
-        };
-        let joints = self.joints(|joint| self.gives(key(joint)), passive)?;
+        let obstacle = |joint| self.obstacle(joint);
+        let joints = self.joints(|joint| self.gives(key(joint)), obstacle)?;
         for (size, of_these) in [("std_mm", "slides"), (of_angle, "turns")] {
-            let is_left = |joint: &usize| key(*joint) == size && passive(*joint).is_none();
+            let is_left = |joint: &usize| key(*joint) == size && obstacle(*joint).is_none();
             let all = 0..self.belief.nominal.chain.len();
             if self.table.joints.is_none()
                 && !self.gives(size)

@@ -2,27 +2,20 @@
 
 use nalgebra::DVector;
 
-use super::Checker;
+use super::ArmChecker;
 use crate::files::FileError;
 use crate::laboratory::{Costs, Laboratory};
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::robot::{Commands, SerialChain};
-use crate::scenario::file::File;
 use crate::task::Loading;
 
 /// The largest number of a tool or a base.
 const LARGEST_NUMBER: u32 = 1000;
 
-impl Checker<'_> {
-    pub(super) fn laboratory(
-        &self,
-        file: &File,
-        chain: &SerialChain,
-        commands: &Commands,
-    ) -> Result<Laboratory, FileError> {
-        let table = &file.laboratory;
-        self.loading(file)?;
+impl ArmChecker<'_> {
+    pub(super) fn laboratory(&self) -> Result<Laboratory, FileError> {
+        let table = &self.file.laboratory;
+        self.loading()?;
         let usual = Laboratory::default();
         let count = |name: &str, value: Option<u32>, usual: u32, allowed| {
             let value = value.unwrap_or(usual);
@@ -31,7 +24,7 @@ impl Checker<'_> {
         let (numbers, percent) = (0..=LARGEST_NUMBER, 1..=100);
         let (tool, base, speed) = (table.tool_number, table.base_number, table.speed_percent);
         let (costs, angle) = (usual.costs, f64::to_radians);
-        let safe = |key: &str, q_deg: &Vec<f64>| self.configuration(key, q_deg, chain, commands);
+        let safe = |key: &str, q_deg: &Vec<f64>| self.configuration(key, q_deg);
         Ok(Laboratory {
             costs: Costs {
                 station_min: table.station_min.unwrap_or(costs.station_min),
@@ -50,8 +43,8 @@ impl Checker<'_> {
     }
 
     /// Whether loads can be hung in place.
-    fn loading(&self, file: &File) -> Result<(), FileError> {
-        let both = (file.laboratory.loading, file.instrument.unloaded);
+    fn loading(&self) -> Result<(), FileError> {
+        let both = (self.file.laboratory.loading, self.file.instrument.unloaded);
         if both != (Loading::InPlace, Unloaded::Shared) {
             return Ok(());
         }
@@ -64,9 +57,8 @@ impl Checker<'_> {
         &self,
         key: &str,
         q_deg: &[f64],
-        chain: &SerialChain,
-        commands: &Commands,
     ) -> Result<DVector<f64>, FileError> {
+        let (chain, commands) = (self.chain, &self.commands);
         let q_deg = self.one_per_joint(key, q_deg, commands.len())?;
         let end = |end: usize| -> Vec<f64> {
             let ends = chain.joints.iter().map(|joint| joint.range_rad[end]);

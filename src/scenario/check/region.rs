@@ -1,19 +1,16 @@
 //! The table `[region]`: where experiments are possible.
 
-use super::Checker;
+use super::ArmChecker;
 use super::number::in_si;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
-use crate::robot::{Commands, Joint, SerialChain};
-use crate::scenario::file::{ForbiddenTable, RegionTable};
+use crate::robot::Joint;
+use crate::scenario::file::ForbiddenTable;
 use crate::task::{Forbidden, Region};
 
-impl Checker<'_> {
-    pub(super) fn region(
-        &self,
-        table: &RegionTable,
-        chain: &SerialChain,
-    ) -> Result<Region, FileError> {
+impl ArmChecker<'_> {
+    pub(super) fn region(&self) -> Result<Region, FileError> {
+        let (table, chain) = (&self.file.region, self.chain);
         let mut joint_range_rad: Vec<_> =
             chain.joints.iter().map(|joint| joint.range_rad).collect();
         for (unit, ranges) in [
@@ -41,7 +38,7 @@ impl Checker<'_> {
             joint_torque_max_nm: joint_torque_max_nm.transpose()?,
             collision_clearance_m: table.collision_clearance_mm.map(|mm| mm * 1e-3),
             line_of_sight: table.line_of_sight,
-            forbidden: self.forbidden(&table.forbidden, &Commands::from(chain))?,
+            forbidden: self.forbidden(&table.forbidden)?,
         })
     }
 
@@ -67,16 +64,12 @@ impl Checker<'_> {
         Ok([from, to].map(|end| in_si(unit, end)))
     }
 
-    fn forbidden(
-        &self,
-        tables: &[ForbiddenTable],
-        commands: &Commands,
-    ) -> Result<Vec<Forbidden>, FileError> {
+    fn forbidden(&self, tables: &[ForbiddenTable]) -> Result<Vec<Forbidden>, FileError> {
         self.each("region.forbidden", MOST_LISTED, tables, |key, table| {
             let q_key = format!("{key}.q_deg");
-            let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len())?;
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, self.commands.len())?;
             Ok(Forbidden {
-                configuration_rad: commands.configuration(q_deg),
+                configuration_rad: self.commands.configuration(q_deg),
                 within_rad: table.within_deg.to_radians(),
             })
         })

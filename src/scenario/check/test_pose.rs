@@ -2,35 +2,33 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Checker;
+use super::{ArmChecker, Checker};
 use crate::compensation::test_pose_rows;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_NAMED;
-use crate::robot::{Commands, Load, SerialChain, Tool};
+use crate::robot::{Load, Tool};
 use crate::scenario::file::TestPoseTable;
 use crate::task::{Belief, TestPose};
 
 /// Of what bends the tool, less than this share along a direction is rounding.
 const NOTHING: f64 = 1e-9;
 
-impl Checker<'_> {
-    pub(super) fn test_poses(
-        &self,
-        tables: &[TestPoseTable],
-        chain: &SerialChain,
-        machining_tool: &Tool,
-    ) -> Result<Vec<TestPose>, FileError> {
+impl ArmChecker<'_> {
+    pub(super) fn test_poses(&self, machining_tool: &Tool) -> Result<Vec<TestPose>, FileError> {
+        let tables = &self.file.test_pose;
         if tables.is_empty() {
             return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
         }
         self.at_most("test_pose", tables.len(), MOST_NAMED)?;
-        let commands = Commands::from(chain);
         let mut poses = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("test_pose[{index}]");
             let q_key = format!("{key}.q_deg");
-            let configuration_rad = self.configuration(&q_key, &table.q_deg, chain, &commands)?;
-            let state = chain.at(machining_tool).state(configuration_rad.as_slice());
+            let configuration_rad = self.configuration(&q_key, &table.q_deg)?;
+            let state = self
+                .chain
+                .at(machining_tool)
+                .state(configuration_rad.as_slice());
             let axes = &state.tool_rotation;
             let unnamed = || format!("test pose {}", index + 1);
             let name = table.name.clone().unwrap_or_else(unnamed);
@@ -53,7 +51,9 @@ impl Checker<'_> {
         }
         Ok(poses)
     }
+}
 
+impl Checker<'_> {
     /// Without a load there is nothing to compensate. One in the tool's frame turns with it; `axes` are the tool's.
     fn test_load(
         &self,

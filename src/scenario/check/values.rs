@@ -14,56 +14,51 @@ use crate::quantities::plausible::{
 };
 use crate::text::{is_unseen, wrong_name};
 
-/// Of each kind of numbers the keys, and how many there are of them where that is not for the robot to say. A key may be that of a table
-/// from joints' names to numbers.
-const NUMBERS: [(Kind, Option<usize>, &[&str]); 31] = [
-    (ANGLE, Some(3), &["rpy_deg"]),
-    (ANGLE, Some(2), &["joint_range_deg", "joint_range_mm"]),
-    (ANGLE, None, &["q_deg", "safe_deg", "locked_deg"]),
-    (ANGLE_WIDTH, None, &["within_deg", "correlation_deg"]),
-    (APPROACH, None, &["approach_deg"]),
-    (AXIS_SPEED, None, &["axis_speed_deg_s"]),
-    (CLEARANCE, None, &["collision_clearance_mm"]),
-    (COMPLIANCE, None, &["compliance_rad_per_nm"]),
-    (DEVIATION, None, &["sigma_mm"]),
-    (DEVIATION, None, &["stiffens_at_mm", "softens_at_mm"]),
-    (ELEVATION, None, &["tool_elevation_max_deg"]),
-    (FACTOR, None, &["load_scale"]),
-    (FORCE, Some(3), &["force_n", "tool_force_n"]),
-    (FORCE_LIMIT, None, &["force_max_n"]),
-    (INCIDENCE, None, &["incidence_max_deg"]),
-    (LEAST_FORCE, None, &["force_min_n"]),
-    (MASS, None, &["mass_kg"]),
-    (MINUTES, None, &["station_min", "move_min"]),
-    (MINUTES, None, &["load_change_min", "reading_min"]),
-    (POSITION, Some(3), &["position_mm", "centre_mm"]),
-    (POSITION, None, &["locked_mm"]),
+/// The keys of each kind of numbers, and how many there are of them in an array where that is not for the robot to say. A key may be that of
+/// a table from joints' names to numbers.
+const NUMBERS: [(&str, Option<usize>, Kind); 26] = [
+    ("rpy_deg", Some(3), ANGLE),
+    ("joint_range_deg joint_range_mm", Some(2), ANGLE),
+    ("q_deg safe_deg locked_deg", None, ANGLE),
+    ("within_deg correlation_deg", None, ANGLE_WIDTH),
+    ("approach_deg", None, APPROACH),
+    ("axis_speed_deg_s", None, AXIS_SPEED),
+    ("collision_clearance_mm", None, CLEARANCE),
+    ("compliance_rad_per_nm", None, COMPLIANCE),
+    ("sigma_mm stiffens_at_mm softens_at_mm", None, DEVIATION),
+    ("tool_elevation_max_deg", None, ELEVATION),
+    ("load_scale", None, FACTOR),
+    ("force_n tool_force_n", Some(3), FORCE),
+    ("force_max_n", None, FORCE_LIMIT),
+    ("incidence_max_deg", None, INCIDENCE),
+    ("force_min_n", None, LEAST_FORCE),
+    ("mass_kg", None, MASS),
     (
+        "station_min move_min load_change_min reading_min",
+        None,
+        MINUTES,
+    ),
+    ("position_mm centre_mm", Some(3), POSITION),
+    (
+        "locked_mm tool_height_min_mm tool_height_max_mm tool_radius_min_mm tool_radius_max_mm",
+        None,
         POSITION,
-        None,
-        &["tool_height_min_mm", "tool_height_max_mm"],
     ),
+    ("resolution_mm", None, RESOLUTION),
+    ("stiffens_at_mrad softens_at_mrad", None, ROTATION_DEVIATION),
+    ("size_mm", Some(3), SIZE),
     (
-        POSITION,
+        "radius_mm length_mm correlation_mm range_mm range_min_mm range_max_mm",
         None,
-        &["tool_radius_min_mm", "tool_radius_max_mm"],
+        SIZE,
     ),
-    (RESOLUTION, None, &["resolution_mm"]),
+    ("torque_nm tool_torque_nm", Some(3), TORQUE),
     (
-        ROTATION_DEVIATION,
+        "at_nm turned_over_at_nm joint_torque_max_nm",
         None,
-        &["stiffens_at_mrad", "softens_at_mrad"],
-    ),
-    (SIZE, Some(3), &["size_mm"]),
-    (SIZE, None, &["radius_mm", "length_mm", "correlation_mm"]),
-    (SIZE, None, &["range_mm", "range_min_mm", "range_max_mm"]),
-    (TORQUE, Some(3), &["torque_nm", "tool_torque_nm"]),
-    (
         TORQUE_LIMIT,
-        None,
-        &["at_nm", "turned_over_at_nm", "joint_torque_max_nm"],
     ),
-    (WEIGHT, None, &["weight"]),
+    ("weight", None, WEIGHT),
 ];
 
 impl Checker<'_> {
@@ -122,8 +117,9 @@ impl Checker<'_> {
 
 /// The kind of the numbers under a key, and how many there are in an array.
 fn numbers(key: &str) -> Option<(Kind, Option<usize>)> {
-    let row = NUMBERS.iter().find(|(.., keys)| keys.contains(&key))?;
-    Some((row.0, row.1))
+    let is_it = |keys: &str| keys.split(' ').any(|each| each == key);
+    let (_, count, kind) = NUMBERS.iter().find(|(keys, ..)| is_it(keys))?;
+    Some((*kind, *count))
 }
 
 fn wrong_text(key: &str, text: &str) -> Option<String> {
