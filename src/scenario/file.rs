@@ -138,6 +138,13 @@ impl File {
         costs.between_readings_h(visited)
     }
 
+    /// Whether it lists what is known of a joint's compliance that is to be found.
+    pub fn knows_compliance_of(&self, chain: &SerialChain, joint: usize) -> bool {
+        let name = &chain.joints[joint].name;
+        let mut tables = self.uncertainty.iter();
+        tables.any(|each| each.knows_compliance_of(name))
+    }
+
     /// Whether it says what the true compliances are.
     pub fn tells_compliances(&self) -> bool {
         self.true_robot

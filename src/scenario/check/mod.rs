@@ -98,12 +98,7 @@ impl Checker<'_> {
         let (mut parameters, further) = self.parameters(&nominal.chain, &file)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(&file, &mut nominal, &mut parameters)?;
-        let is_listed = |joint: &&usize| {
-            let name = &nominal.chain.joints[**joint].name;
-            file.uncertainty
-                .iter()
-                .any(|each| each.knows_compliance_of(name))
-        };
+        let is_listed = |joint: &&usize| file.knows_compliance_of(&nominal.chain, **joint);
         let known = before.known + parameters.iter().filter(is_listed).count();
         let to_find = parameters.len().saturating_sub(known);
 
