@@ -8,7 +8,7 @@ use crate::plan::search::{
     BudgetPoint, CandidateError, PlanSize, budget, cheapest, repeated_configurations,
 };
 use crate::quantities::plausible::ACCURACY;
-use crate::record::messages::ProvenanceMessage;
+use crate::record::messages::{ProvenanceMessage, merge};
 use crate::view::plots::BudgetPlot;
 
 use super::command_prelude::*;
@@ -229,8 +229,8 @@ impl Budget {
             "needed_minutes": needed.and_then(|(_, minutes)| *minutes),
             "budget": points.iter().map(record).collect::<Vec<_>>(),
         });
-        let keys = [keys, report.json.take()];
-        Ok((self.common).report("budget", &scenario, keys, report)?)
+        merge(&mut report.json, keys);
+        Ok((self.common).report("budget", &scenario, report)?)
     }
 
     fn conditions(&self, found: &Searched, is_cut_short: bool) -> Vec<Condition> {

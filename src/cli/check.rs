@@ -86,13 +86,14 @@ impl Check {
         let found = impossible.iter().map(|each| each.text.clone());
         let problems: Vec<String> = violations.into_iter().chain(found).collect();
         let conditions = violated.into_iter().chain(impossible).collect();
-        let json = json!({ "ok": problems.is_empty(), "problems": problems });
-        let mut keys = [json, understanding_json(&understanding)];
+        let mut keys = understanding_json(&understanding);
+        keys["ok"] = json!(problems.is_empty());
+        keys["problems"] = json!(problems);
         if let Some(told_apart) = &told_apart {
-            keys[0]["identifiable"] = told_apart.iter().map(unknowns_json).collect();
+            keys["identifiable"] = told_apart.iter().map(unknowns_json).collect();
         }
-        let report = Report::new(Value::Null, before + &verdict, conditions);
-        Ok((self.common).report("check", &scenario, keys, report)?)
+        let report = Report::new(keys, before + &verdict, conditions);
+        Ok((self.common).report("check", &scenario, report)?)
     }
 
     /// A broken scenario, or one with a broken plan, has neither seed nor hash here.

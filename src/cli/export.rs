@@ -52,7 +52,7 @@ impl Export {
             "not_expressed": exported.not_expressed,
             "to_leave_out": exported.to_leave_out,
         });
-        let mut report = Report::new(Value::Null, describe(&exported), conditions);
+        let mut report = Report::new(keys, describe(&exported), conditions);
         report.write(&self.model_out, &exported.text)?;
         if let Some((path, found)) = with_joint_errors {
             let table = joint_error_table(&found.model, &robot.arm.chain.joints);
@@ -67,7 +67,7 @@ impl Export {
             origin += &naming(names, "# Angles count modulo a turn: {}\n");
             report.write(path, &(origin + &table))?;
         }
-        Ok((self.common).report("export", &scenario, [keys], report)?)
+        Ok((self.common).report("export", &scenario, report)?)
     }
 }
 

@@ -15,6 +15,20 @@ const WORDS: usize = 70;
 /// What is said around possible values takes so many columns.
 const LABEL: usize = 20;
 
+/// A command with its examples.
+pub fn with_examples(command: Command) -> Command {
+    let is_its = |line: &&str| line.split(' ').nth(1) == Some(command.get_name());
+    let examples: Vec<&str> = (include_str!("examples.txt").lines())
+        .filter(is_its)
+        .collect();
+    let head = match examples.len() {
+        0 => return command,
+        1 => "Example",
+        _ => "Examples",
+    };
+    command.after_help(format!("{head}:\n  {}", examples.join("\n  ")))
+}
+
 /// The program's command line, with the help that these words ask for, if they do.
 pub fn program(words: &[OsString]) -> Command {
     let is_help = |word: &OsString| word == "--help" || word == "-h";

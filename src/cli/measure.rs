@@ -62,8 +62,7 @@ impl Measure {
             });
             shown.write(path, &(origin.comments() + &rows))?;
         }
-        let keys = [shown.json.take()];
-        Ok((self.common).report("measure", &scenario, keys, shown)?)
+        Ok((self.common).report("measure", &scenario, shown)?)
     }
 
     fn wrong(&self, error: &dyn Display) -> FileError {

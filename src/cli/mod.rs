@@ -20,7 +20,6 @@ mod import;
 mod init;
 pub mod interruption;
 mod lab;
-mod load_model;
 mod measure;
 mod merge;
 mod model_selection;
@@ -55,6 +54,7 @@ use crate::codes::{Condition, ConditionCode, ErrorCode, condition_code};
 use crate::files::output::{check_writable, write_whole};
 use crate::files::{FileError, roles::Roles, shipped};
 use crate::measurement::Origin;
+use crate::mujoco::{Model, State, limit_process};
 use crate::record::messages::{platform, results};
 use crate::scenario::{Scenario, scenario_schema};
 use crate::text::{diagnostics::say, plain, wording::shell_path};
@@ -65,7 +65,12 @@ use serde_json::{Value, json};
 
 /// A virtual calibration testbed for the joint stiffness of industrial robots.
 #[derive(Debug, Parser)]
-#[command(name = "elastocal", version, about)]
+#[command(
+    name = "elastocal",
+    version,
+    about,
+    mut_subcommands(help::with_examples)
+)]
 pub struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -127,110 +132,52 @@ pub struct Accepted {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// A first scenario for a robot's model (MJCF or URDF): what is in it, and what is implausible
-    #[command(
-        after_help = "Examples:\n  elastocal init models/spatial_3r.xml --scenario-out my_arm.toml\n  elastocal init robot.urdf --tip tool0"
-    )]
     Init(init::Init),
     /// The whole loop: design a plan, measure, identify, compensate, and write it all to a folder
-    #[command(
-        after_help = "Examples:\n  elastocal run\n  elastocal run scenarios/planar_3r.toml --seed 2 --out results\n  elastocal run absolute.toml --candidates stops.csv --parameters zeros"
-    )]
     Run(run::Run),
     /// Validate a scenario, and a plan against it
-    #[command(
-        after_help = "Examples:\n  elastocal check scenarios/planar_3r.toml\n  elastocal check --plan plan.csv --json\n  elastocal check --parameters"
-    )]
     Check(check::Check),
     /// Design a plan of experiments
-    #[command(
-        after_help = "Examples:\n  elastocal plan --experiments 4 --plan-out plan.csv\n  elastocal plan --experiments 12 --configurations 3\n  elastocal plan --minutes 90\n  elastocal plan --experiments 4 --candidates candidates.csv\n  elastocal plan absolute.toml --candidates stops.csv --parameters zeros --plan-out readings.csv\n  elastocal plan absolute.toml --draw 300 --parameters geometry --test-poses path.csv --report-out plan.html"
-    )]
     Plan(plan::PlanCommand),
     /// How many measurements, and in how many configurations, for a wanted accuracy
-    #[command(
-        after_help = "Examples:\n  elastocal budget --accuracy-um 5 --plot-out budget.svg\n  elastocal budget absolute.toml --candidates stops.csv --parameters zeros --up-to 16 --accuracy-um 60"
-    )]
     Budget(budget::Budget),
     /// Assess a plan: accuracy at the test pose, standard errors, criteria, violations
-    #[command(
-        after_help = "Examples:\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv\n  elastocal evaluate --plan scenarios/plans/klimchik2012_m3.csv --static-compliance\n  elastocal evaluate absolute.toml --plan readings.csv --parameters zeros --trials 400 --report-out trials.html\n  elastocal evaluate absolute.toml --plan readings.csv --candidates stops.csv --test-poses path.csv"
-    )]
     Evaluate(evaluate::Evaluate),
     /// Measure a plan on the virtual robot
-    #[command(
-        after_help = "Example:\n  elastocal measure --plan plan.csv --measurements-out measurements.csv"
-    )]
     Measure(measure::Measure),
     /// Read a table of measurements that another program wrote, through a mapping of its columns
-    #[command(
-        after_help = "Example:\n  elastocal import tracker.csv --mapping mapping.toml --measurements-out measurements.csv"
-    )]
     Import(import::Import),
     /// Identify the compliances from measurements
-    #[command(
-        after_help = "Examples:\n  elastocal identify --measurements measurements.csv --identified-out identified.json\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --model-selection --plot-out model_selection.svg\n  elastocal identify scenarios/ur10.toml --measurements poses.csv --parameters geometry,compliances --against later_poses.csv\n  elastocal identify --measurements measurements.csv --method linear --sigma-from-residuals --keep-all"
-    )]
     Identify(identify::Identify),
     /// Compensate the test poses with identified compliances
-    #[command(
-        after_help = "Examples:\n  elastocal compensate --identified identified.json\n  elastocal compensate --identified identified.json --static-compliance\n  elastocal compensate --identified identified.json --targets path.csv --angles-out angles.csv"
-    )]
     Compensate(compensate::Compensate),
     /// Write the calibrated robot as a model (MJCF) with its stiffnesses
-    #[command(
-        after_help = "Examples:\n  elastocal export --identified identified.json --model-out calibrated.xml"
-    )]
     Export(export::Export),
     /// Take a plan to the laboratory: order, run sheet, robot program, table to fill in
-    #[command(
-        after_help = "Examples:\n  elastocal lab --plan plan.csv\n  elastocal lab --plan plan.csv --dialect urscript"
-    )]
     Lab(lab::Lab),
     /// Plan what to measure next, after some of a plan is measured
-    #[command(
-        after_help = "Examples:\n  elastocal next --measurements so_far.csv --plan plan.csv --plan-out rest.csv\n  elastocal next absolute.toml --measurements so_far.csv --candidates stops.csv --plan-out rest.csv"
-    )]
     Next(next::Next),
     /// Validate an identification by other measurements
-    #[command(
-        after_help = "Examples:\n  elastocal validate --identified identified.json --experiments 4 --plan-out validation.csv\n  elastocal validate --identified identified.json --measurements validation_measured.csv"
-    )]
     Validate(validate::Validate),
     /// Compare plans over many runs (Monte Carlo)
-    #[command(
-        after_help = "Examples:\n  elastocal study scenarios/klimchik2012.toml\n  elastocal study scenarios/klimchik2012.toml --trials 1000000 --resume tally.json\n  elastocal study --shard 2/8 --tally-out part_2.json\n  elastocal study absolute.toml --parameters zeros --candidates stops.csv"
-    )]
     Study(study::StudyCommand),
     /// Choose a few of many absolute readings in several ways, calibrate with each, validate on others
-    #[command(
-        after_help = "Examples:\n  elastocal select --measurements poses.csv --parameters geometry --sizes 20,40 --plot-out select.svg\n  elastocal select --measurements poses.csv --sizes 12 --draws 1000 --campaigns 3"
-    )]
     Select(select::Select),
     /// Replay one run of the study on the virtual robot, and record it
-    #[command(after_help = "Example:\n  elastocal replay scenarios/klimchik2012.toml --run 777")]
     Replay(replay::Replay),
     /// Join the shards of a study
-    #[command(after_help = "Example:\n  elastocal merge part_1.json part_2.json")]
     Merge(merge::Merge),
     /// Compare two results files against tolerances: the gate for continuous integration
-    #[command(
-        after_help = "Example:\n  elastocal compare baseline.json new.json --markdown summary.md"
-    )]
     Compare(compare::Compare),
     /// The paper's tables and figure beside this program's
-    #[command(after_help = "Example:\n  elastocal reproduce")]
     Reproduce(reproduce::Reproduce),
     /// Print the JSON schema of scenarios, with which editors complete and check them
-    #[command(after_help = "Example:\n  elastocal schema > scenario.schema.json")]
     Schema,
     /// What a code of a condition or an error means
-    #[command(
-        after_help = "Examples:\n  elastocal explain C0102\n  elastocal explain C02 E0301 --json"
-    )]
     Explain(explain::Explain),
     /// Load a model in a process of its own
-    #[command(hide = true)]
-    LoadModel(load_model::LoadModel),
+    #[command(hide = true, name = LOAD_MODEL)]
+    LoadModel { model: PathBuf },
 }
 
 /// Matches commands: those of the kinds that are listed by what they have alike, then all others.
@@ -318,12 +265,12 @@ impl Arguments {
                 .num_threads(useful(threads.into()))
                 .build_global()?;
         }
-        if let Command::LoadModel(command) = &self.command {
-            return command.execute();
+        if let Command::LoadModel { model } = &self.command {
+            return load_model(model);
         }
         // Every model is loaded by another process first.
         if let Some(program) = itself {
-            crate::mujoco::rehearse_with(program, load_model::NAME);
+            crate::mujoco::rehearse_with(program, LOAD_MODEL);
         }
         let report = self.report()?;
         let text = if json {
@@ -347,7 +294,7 @@ impl Arguments {
             },
             Command::Explain(command) => Ok(command.execute()),
             // It has nothing to report.
-            Command::LoadModel(_) => Ok(Report::default()))?;
+            Command::LoadModel { .. } => Ok(Report::default()))?;
         report
             .conditions
             .extend(std::mem::take(&mut report.written).conditions());
@@ -361,6 +308,18 @@ impl Arguments {
         }
         Ok(report)
     }
+}
+
+/// The command that only loads a model, in a process that may break down.
+const LOAD_MODEL: &str = "load-model";
+
+fn load_model(path: &Path) -> anyhow::Result<Vec<Condition>> {
+    limit_process();
+    let model = Model::load(path)?;
+    let mut state = State::new(&model);
+    state.move_to(&[]);
+    state.nearest_contact(0.0);
+    Ok(Vec::new())
 }
 
 impl Command {
@@ -419,36 +378,42 @@ impl Common {
         origin: Option<&Origin>,
     ) -> anyhow::Result<Scenario> {
         let usage = format!("elastocal {command} SCENARIO {option} {}", shell_path(file));
-        let Some(given) = &self.scenario else {
-            let Some(origin) = origin else {
-                let problem =
-                    "no scenario was given, and the file does not say to which one it belongs";
-                return Err(FileError::new(file, problem)
-                    .code(ErrorCode::ScenarioOfFile)
-                    .hint(format!("name the robot's scenario: {usage}"))
-                    .into());
-            };
-            let scenario = self.load_file(&origin.scenario)?;
-            if scenario.sha256 != origin.scenario_sha256 {
-                let name = origin.scenario.display();
-                let problem = format!("it belongs to {name}, which has changed since");
-                let hint = format!("if that does not matter, name the scenario: {usage}");
-                let wrong = FileError::new(file, problem).code(ErrorCode::ScenarioOfFile);
-                return Err(wrong.hint(hint).into());
-            }
+        let wrong = |problem: &str, hint: String| {
+            let wrong = FileError::new(file, problem).code(ErrorCode::ScenarioOfFile);
+            wrong.hint(hint)
+        };
+        let own = origin.map(|origin| &origin.scenario);
+        let Some(path) = self.scenario.as_ref().or(own) else {
+            let problem =
+                "no scenario was given, and the file does not say to which one it belongs";
+            return Err(wrong(problem, format!("name the robot's scenario: {usage}")).into());
+        };
+        let scenario = self.load_file(path)?;
+        let Some(origin) = origin.filter(|origin| origin.scenario_sha256 != scenario.sha256) else {
             return Ok(scenario);
         };
-        let scenario = self.load_file(given)?;
-        if let Some(origin) = origin
-            && scenario.sha256 != origin.scenario_sha256
-        {
-            self.say(&format!(
-                "{} was made under another scenario, or another state of it: {}",
-                file.display(),
-                origin.scenario.display()
-            ));
+        let name = origin.scenario.display();
+        if self.scenario.is_none() {
+            let problem = format!("it belongs to {name}, which has changed since");
+            let hint = format!("if that does not matter, name the scenario: {usage}");
+            return Err(wrong(&problem, hint).into());
         }
+        let file = file.display();
+        self.say(&format!(
+            "{file} was made under another scenario, or another state of it: {name}"
+        ));
         Ok(scenario)
+    }
+
+    /// The scenario of a command that takes measurements, as [`Self::load_for`] has it, and where these come from.
+    fn load_measured(
+        &self,
+        command: &str,
+        measurements: &Path,
+    ) -> anyhow::Result<(Scenario, Option<Origin>)> {
+        let origin = Origin::read(measurements)?;
+        let input = [command, "--measurements"];
+        Ok((self.load_for(input, measurements, origin.as_ref())?, origin))
     }
 
     fn load_file(&self, path: &Path) -> anyhow::Result<Scenario> {
@@ -474,15 +439,15 @@ impl Common {
         Ok(scenario)
     }
 
-    /// What a command comes to, with its keys in JSON and where they come from.
+    /// What a command comes to, whose JSON has its keys, with where they come from.
     fn report(
         &self,
         command: &str,
         scenario: &Scenario,
-        keys: impl IntoIterator<Item = Value>,
         mut report: Report,
     ) -> Result<Report, FileError> {
-        report.json = results(command, &self.provenance(scenario)?, keys);
+        let keys = report.json.take();
+        report.json = results(command, &self.provenance(scenario)?, [keys]);
         Ok(report)
     }
 

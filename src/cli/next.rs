@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use crate::experiment::{Experiment, write_candidates};
 use crate::identification::{AbsoluteCase, Case, Robustness};
 use crate::laboratory::next::{Remaining, Rest, measured_plan, not_measured, rest};
-use crate::measurement::{Origin, read_measured_so_far};
+use crate::measurement::read_measured_so_far;
 use crate::plan::absolute::{AbsolutePlanning, PredictedAccuracy, ReadingsWanted};
 use crate::plan::search::CandidateError;
 use crate::plan::{
@@ -70,9 +70,7 @@ fn angle(text: &str) -> Result<f64, String> {
 
 impl Next {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = Origin::read(&self.measurements)?;
-        let input = ["next", "--measurements"];
-        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
+        let (scenario, _) = (self.common).load_measured("next", &self.measurements)?;
         self.common.refuse_others("next", &scenario)?;
         self.common.check_files(&scenario, None)?;
         match scenario.task.design.accuracy {
@@ -158,16 +156,11 @@ impl Next {
             conditions.extend(of_plan.into_iter().filter(is_near));
         }
         let found = found.as_ref();
-        let json = json!({
-            "plan": plan_messages(&commands, next),
-            "old_rest_rho0_mm": old_m.map(|rho0_m| rho0_m * 1e3),
-        });
         let rho0_m = found.map(|found| found.rho0_m).or(reached_m);
         let bound_m = found.and_then(|found| found.bound_m);
-        let keys = [
-            self.keys(measured, is_reached, [reached_m, rho0_m, bound_m]),
-            json,
-        ];
+        let mut keys = self.keys(measured, is_reached, [reached_m, rho0_m, bound_m]);
+        keys["plan"] = json!(plan_messages(&commands, next));
+        keys["old_rest_rho0_mm"] = json!(old_m.map(|rho0_m| rho0_m * 1e3));
         let write = |path: &Path| write_plan(path, commands.clone(), next);
         self.report(scenario, keys, &write, (text, conditions))
     }
@@ -242,16 +235,11 @@ impl Next {
             text += &tell_readings(&planning, (&plan, bound_m), &prediction);
         }
         conditions.extend(self.unreached(measured + prediction.readings, is_reached));
-        let json = json!({
-            "accuracy": "absolute",
-            "plan": planned_readings(task, &planning, &plan),
-            "candidates": planning.offer,
-            "drawn": drawn,
-        });
-        let keys = [
-            self.keys(measured, is_reached, [so_far.rho0_m(), reached_m, bound_m]),
-            json,
-        ];
+        let mut keys = self.keys(measured, is_reached, [so_far.rho0_m(), reached_m, bound_m]);
+        keys["accuracy"] = json!("absolute");
+        keys["plan"] = json!(planned_readings(task, &planning, &plan));
+        keys["candidates"] = json!(planning.offer);
+        keys["drawn"] = json!(drawn);
         let rows = planning.rows(&plan);
         let write = |path: &Path| write_candidates(path, task.belief.commands(), &rows);
         self.report(scenario, keys, &write, (text, conditions))
@@ -275,16 +263,16 @@ impl Next {
     fn report(
         &self,
         scenario: &Scenario,
-        keys: [Value; 2],
+        keys: Value,
         write: &dyn Fn(&Path) -> Result<(), FileError>,
         (text, mut conditions): (String, Vec<Condition>),
     ) -> anyhow::Result<Report> {
         conditions.extend(STOP.load(Ordering::Relaxed).then(search_stopped));
-        let mut report = Report::new(Value::Null, text, conditions);
+        let mut report = Report::new(keys, text, conditions);
         if let Some(path) = &self.plan_out {
             report.noted(path, write(path));
         }
-        Ok((self.common).report("next", scenario, keys, report)?)
+        Ok((self.common).report("next", scenario, report)?)
     }
 
     /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.

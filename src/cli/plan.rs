@@ -12,7 +12,7 @@ use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use crate::record::messages::plan_messages;
 use crate::task::Task;
-use crate::workflow::design::{Designed, Onlooker, Wanted, design as design_of, design_among};
+use crate::workflow::design::{Designed, Wanted, design as design_of, design_among};
 
 use super::command_prelude::*;
 use super::interruption::{STOP, ask_search, searched};
@@ -72,12 +72,7 @@ pub fn design(
             bar.set_message(format!("best {:.4} um{least}", cost.sqrt() * 1e6));
         }
     };
-    let onlooker = Onlooker {
-        stop,
-        prove: &prove,
-        progress: &progress,
-    };
-    let designed = design_of(task, seed, wanted, onlooker)?;
+    let designed = design_of(task, seed, wanted, stop, &prove, &progress)?;
     bar.finish_and_clear();
     searched();
     Ok(designed)

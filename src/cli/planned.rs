@@ -12,7 +12,7 @@ use crate::plan::{
     Assessment, FurtherError, Plan, UncertaintyBudget, less_than_nominal, posterior, write_plan,
 };
 use crate::record::absolute_plan::AbsolutePlanMessage;
-use crate::record::messages::assessment_json;
+use crate::record::messages::{assessment_json, merge};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
 use crate::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
@@ -168,12 +168,12 @@ impl PlanArgs {
         planned: &PlannedAccuracy<'_>,
         mut report: Report,
     ) -> anyhow::Result<Report> {
-        let gate = json!({ "gate": scenario.gate });
-        let keys = [gate, report.json.take(), planned.json(scenario)?];
+        report.json["gate"] = json!(scenario.gate);
+        merge(&mut report.json, planned.json(scenario)?);
         report.text.insert_str(0, &planned.describe(scenario));
         self.budget.write(planned.budget(), &mut report);
         report.conditions.splice(0..0, planned.conditions(scenario));
-        Ok((self.common).report(command, scenario, keys, report)?)
+        Ok((self.common).report(command, scenario, report)?)
     }
 
     /// Writes the page of a plan that is in a file, where it is wanted.

@@ -1,7 +1,7 @@
 //! `select`: does optimal design help on a real robot?
 
 use crate::identification::ParameterGroup;
-use crate::measurement::{Origin, read_measured};
+use crate::measurement::read_measured;
 use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::record::selection::selection_json;
 use crate::study::selection::{
@@ -39,9 +39,7 @@ pub struct Select {
 
 impl Select {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = Origin::read(&self.measurements)?;
-        let input = ["select", "--measurements"];
-        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
+        let (scenario, _) = (self.common).load_measured("select", &self.measurements)?;
         self.common.check_files(&scenario, None)?;
         let why = ", and readings are chosen of absolute ones";
         let readings =
@@ -60,22 +58,20 @@ impl Select {
             select(belief, &readings, &self.parameters, &wanted, watch)
         })
         .map_err(|error| error.in_file(&self.measurements))?;
-        let mut report = Report::new(Value::Null, describe(&selection), Vec::new());
+        let mut keys = selection_json(&selection);
+        keys["groups"] = json!(self.parameters);
+        let mut report = Report::new(keys, describe(&selection), Vec::new());
         if let Some(path) = &self.plot_out {
             let title = "Calibrated with a few readings, validated on all others";
             report.save(path, &selection_plot(title, &selection)?);
         }
-        let keys = [
-            json!({ "groups": self.parameters }),
-            selection_json(&selection),
-        ];
         if selection.is_cut_short {
             let words = "the study was stopped: not all choices were made";
             report
                 .conditions
                 .push(ConditionCode::SearchStopped.with(words));
         }
-        Ok((self.common).report("select", &scenario, keys, report)?)
+        Ok((self.common).report("select", &scenario, report)?)
     }
 }
 

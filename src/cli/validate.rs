@@ -84,9 +84,7 @@ impl Validate {
             let may_repeat = || validated.may_repeat;
             validated.report.text += &refuse_fitted(file, digests, may_repeat, &as_what, hint)?;
         }
-        let mut shown = validated.report;
-        let keys = [shown.json.take()];
-        let mut report = (self.common).report("validate", &scenario, keys, shown)?;
+        let mut report = (self.common).report("validate", &scenario, validated.report)?;
         if let Some(tolerance) = self.tolerance.tolerance() {
             report_judged(&mut report, tolerance, validated.differences.into_iter());
         }

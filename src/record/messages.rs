@@ -93,10 +93,12 @@ pub fn results(
     json
 }
 
-/// Adds the keys of one JSON object to another.
+/// Adds the keys of one JSON object to another, or to nothing.
 pub fn merge(into: &mut Value, from: Value) {
-    if let (Value::Object(into), Value::Object(from)) = (into, from) {
-        into.extend(from);
+    match (into, from) {
+        (Value::Object(into), Value::Object(from)) => into.extend(from),
+        (into @ Value::Null, from) => *into = from,
+        _ => {}
     }
 }
 

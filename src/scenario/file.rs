@@ -138,6 +138,13 @@ impl File {
         costs.between_readings_h(visited)
     }
 
+    /// Whether it lists what is known of a joint's compliance that is to be found.
+    pub fn knows_compliance_of(&self, chain: &SerialChain, joint: usize) -> bool {
+        let name = &chain.joints[joint].name;
+        let mut tables = self.uncertainty.iter();
+        tables.any(|each| each.knows_compliance_of(name))
+    }
+
     /// Whether it says what the true compliances are.
     pub fn tells_compliances(&self) -> bool {
         self.true_robot
@@ -333,35 +340,29 @@ impl UncertaintyKind {
     }
 
     /// The keys that its size may have, and those that it has besides what all have.
-    pub const fn keys(self) -> [&'static [&'static str]; 2] {
+    pub const fn keys(self) -> [&'static str; 2] {
         match self {
-            Self::Compliance | Self::LinkMass => [&["std_relative"], &["joints"]],
-            Self::SpringStiffness | Self::LoadScale => [&["std_relative"], &[]],
-            Self::Stiffening => [&["std_relative"], &["joints", "at_nm"]],
-            Self::LinkPosition | Self::LinkCentre => [&["std_mm"], &["joints"]],
-            Self::SpringRest | Self::ToolPosition | Self::LoadPoint => [&["std_mm"], &[]],
-            Self::Discrepancy => [&["std_mm"], &["of"]],
-            Self::LinkRotation => [&["std_mrad"], &["joints"]],
-            Self::StationPosition => [&["std_mm"], &["stations"]],
-            Self::StationRotation => [&["std_mrad"], &["stations"]],
-            Self::BaseRotation | Self::LoadDirection | Self::GaugeDirection => [&["std_mrad"], &[]],
-            Self::JointZero => [&["std_mrad", "std_mm"], &["joints"]],
+            Self::Compliance | Self::LinkMass => ["std_relative", "joints"],
+            Self::SpringStiffness | Self::LoadScale => ["std_relative", ""],
+            Self::Stiffening => ["std_relative", "joints at_nm"],
+            Self::LinkPosition | Self::LinkCentre => ["std_mm", "joints"],
+            Self::SpringRest | Self::ToolPosition | Self::LoadPoint => ["std_mm", ""],
+            Self::Discrepancy => ["std_mm", "of"],
+            Self::LinkRotation => ["std_mrad", "joints"],
+            Self::StationPosition => ["std_mm", "stations"],
+            Self::StationRotation => ["std_mrad", "stations"],
+            Self::BaseRotation | Self::LoadDirection | Self::GaugeDirection => ["std_mrad", ""],
+            Self::JointZero => ["std_mrad std_mm", "joints"],
             Self::TransmissionError => [
-                &["std_mrad", "std_mm"],
-                &[
-                    "joints",
-                    "harmonics",
-                    "correlation_deg",
-                    "correlation_mm",
-                    "correlation",
-                ],
+                "std_mrad std_mm",
+                "joints harmonics correlation_deg correlation_mm correlation",
             ],
-            Self::JointRepeatability => [&["std_mrad", "std_mm", "rp_mm"], &["joints"]],
-            Self::Backlash => [&["std_arcsec", "std_mm"], &["joints", "turned_over_at_nm"]],
-            Self::LoadOffset => [&["std_n"], &[]],
-            Self::TaskForce => [&["std_relative", "std_n"], &[]],
-            Self::TrackerRange => [&["std_um_per_m", "along_um_per_m"], &[]],
-            Self::Drift => [&["std_um_per_h"], &[]],
+            Self::JointRepeatability => ["std_mrad std_mm rp_mm", "joints"],
+            Self::Backlash => ["std_arcsec std_mm", "joints turned_over_at_nm"],
+            Self::LoadOffset => ["std_n", ""],
+            Self::TaskForce => ["std_relative std_n", ""],
+            Self::TrackerRange => ["std_um_per_m along_um_per_m", ""],
+            Self::Drift => ["std_um_per_h", ""],
         }
     }
 }

@@ -10,7 +10,9 @@ use crate::calibration::{
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
-use crate::identification::{DiscrepancyModel, IdentificationError, ReadRanges, StoredRobot};
+use crate::identification::{
+    DiscrepancyModel, IdentificationError, JointError, ReadRanges, StoredRobot,
+};
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
 use crate::parameter::{ElasticArm, Parameter, ParameterError, ParameterKind, ParameterSet};
@@ -200,6 +202,14 @@ impl CalibratedRobot {
             posterior,
             known_places: Some(known_places),
         })
+    }
+
+    /// The robot together with which its joints' errors were found, and these; itself and none where none were told apart.
+    pub fn beside_joint_errors(&self) -> (&Self, &[JointError]) {
+        match &self.with_joint_errors {
+            Some(other) => (&other.robot, &other.model.joints),
+            None => (self, &[]),
+        }
     }
 
     /// Compensates every test pose, and sees on the virtual robot what distance is left.

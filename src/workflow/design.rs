@@ -19,17 +19,6 @@ pub struct Wanted {
     pub size: PlanSize,
 }
 
-/// Who looks on while a plan is designed.
-#[derive(Clone, Copy)]
-pub struct Onlooker<'a> {
-    /// When set, searches that have not begun are left out.
-    pub stop: &'a AtomicBool,
-    /// Makes the bound as sure as it is wanted.
-    pub prove: &'a dyn Fn(Bound, &ApproximateDesign) -> Bound,
-    /// Hears of the bound, the searches done, all of them, and the lowest cost so far.
-    pub progress: &'a (dyn Fn(&Bound, usize, usize, f64) + Sync),
-}
-
 /// A designed plan with what was found on the way.
 #[derive(Debug)]
 pub struct Designed {
@@ -56,17 +45,20 @@ impl Designed {
     }
 }
 
-/// Designs a plan under a seed, as long as it is not asked to stop; with the approximate design by the criterion that is wanted.
+/// Designs a plan under a seed, as long as it is not asked to stop; with the approximate design by the criterion that is wanted. `prove` makes
+/// the bound as sure as it is wanted, `progress` hears of it, the searches done, all of them, and the lowest cost so far.
 pub fn design(
     task: &Task,
     seed: u64,
     wanted: Wanted,
-    onlooker: Onlooker<'_>,
+    stop: &AtomicBool,
+    prove: &dyn Fn(Bound, &ApproximateDesign) -> Bound,
+    progress: &(dyn Fn(&Bound, usize, usize, f64) + Sync),
 ) -> Result<(Designed, ApproximateDesign), SearchError> {
     let start = Instant::now();
     let approximate = |criterion: Criterion| {
         let mut problem = Problem::new(task, criterion);
-        problem.stop = Some(onlooker.stop);
+        problem.stop = Some(stop);
         let design = approximate_design(&problem, seed)?;
         Ok((problem, design))
     };
@@ -74,15 +66,15 @@ pub fn design(
     let mut bound = Bound::new(task, &design);
     let mut by_criterion = None;
     if wanted.criterion == Criterion::TestPose {
-        bound = (onlooker.prove)(bound, &design);
+        bound = prove(bound, &design);
     } else {
         (problem, design) = approximate(wanted.criterion)?;
         let bound = Bound::by(task, wanted.criterion, &design);
-        by_criterion = Some((onlooker.prove)(bound, &design));
+        by_criterion = Some(prove(bound, &design));
     }
     let watch = Watch {
-        stop: onlooker.stop,
-        progress: &|done, all, cost| (onlooker.progress)(&bound, done, all, cost),
+        stop,
+        progress: &|done, all, cost| progress(&bound, done, all, cost),
     };
     // The bound without what is left out holds as it is, and so does its proof.
     let mut search = PlanSearch {
@@ -93,7 +85,7 @@ pub fn design(
     let designed = Designed {
         exact: search.best(wanted.size, watch, &[])?,
         elapsed_s: start.elapsed().as_secs_f64(),
-        is_cut_short: onlooker.stop.load(Ordering::Relaxed),
+        is_cut_short: stop.load(Ordering::Relaxed),
         bound,
         by_criterion,
     };

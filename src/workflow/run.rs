@@ -176,36 +176,35 @@ fn calibrate_all(
     bound: &Bound,
 ) -> Result<(Vec<TriedPlan>, Vec<FailedPlan>), CalibrationError> {
     let (mut tried, mut failed) = (Vec::new(), Vec::new());
-    let random = (
-        "random".to_owned(),
-        random.map_err(|error| error.to_string()),
-    );
-    let (known, belief) = (plans.len(), &scenario.task.belief);
+    let (task, known) = (&scenario.task, plans.len());
     let plans = plans.into_iter().map(|(name, plan)| (name, Ok(plan)));
-    for (index, (name, plan)) in plans.chain([random]).enumerate() {
-        let assessment = |plan: &Plan| Assessment::new(&scenario.task, plan, Some(bound));
+    let plans = plans.chain([("random".to_owned(), random)]);
+    for (index, (name, plan)) in plans.enumerate() {
+        let mut fail = |name, assessment, problem| {
+            failed.push(FailedPlan {
+                name,
+                assessment,
+                problem,
+            });
+        };
+        let plan = match plan {
+            Ok(plan) => plan,
+            Err(problem) => {
+                fail(name, None, problem.to_string());
+                continue;
+            }
+        };
+        let assessment = Assessment::new(task, &plan, Some(bound));
         // Every plan is measured with the same noise.
-        match plan
-            .as_ref()
-            .map(|plan| calibrate(&scenario.task, &scenario.truth, plan, scenario.seed, RUN))
-        {
-            Ok(Ok(calibration)) => tried.push(TriedPlan {
-                assessment: assessment(&calibration.plan),
-                record: RunMessage::of_deflections(belief, &name, &calibration),
+        match calibrate(task, &scenario.truth, &plan, scenario.seed, RUN) {
+            Ok(calibration) => tried.push(TriedPlan {
+                assessment,
+                record: RunMessage::of_deflections(&task.belief, &name, &calibration),
                 calibration,
                 is_random: index == known,
             }),
-            Ok(Err(error)) if tried.is_empty() => return Err(error),
-            Ok(Err(error)) => failed.push(FailedPlan {
-                name,
-                assessment: plan.as_ref().ok().map(assessment),
-                problem: error.to_string(),
-            }),
-            Err(problem) => failed.push(FailedPlan {
-                name,
-                assessment: None,
-                problem: problem.clone(),
-            }),
+            Err(error) if tried.is_empty() => return Err(error),
+            Err(error) => fail(name, Some(assessment), error.to_string()),
         }
     }
     Ok((tried, failed))

@@ -74,7 +74,12 @@ impl Compensate {
         let dialect = (self.program_out.as_ref())
             .map(|_| dialect(self.dialect.as_deref(), &scenario))
             .transpose()?;
-        self.check(&scenario, dialect.as_ref())?;
+        let dialect = dialect.as_ref();
+        // Their names do not depend on what is in them.
+        let files = self.files(&Program::default(), &scenario, dialect)?;
+        let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
+        let folder = self.program_out.as_deref();
+        (self.common).check_files(&scenario, folder.map(|folder| (folder, &*names)))?;
         if let Some(targets) = &self.targets {
             return self.at_targets(targets, &scenario, &robot, conditions);
         }
@@ -102,22 +107,6 @@ impl Compensate {
             text += "Commands for absolute places: --targets.\n";
         }
         text += &taken_as_believed(&robot);
-        let mut report = Report::new(Value::Null, text, conditions);
-        // Before anything is written: there may be no way.
-        let files = match &dialect {
-            Some(dialect) => self.program(&scenario, dialect, &poses)?,
-            None => Vec::new(),
-        };
-        if let Some(path) = &self.angles_out {
-            report.save(path, &angles(&scenario.task, &messages));
-        }
-        if let Some(folder) = &self.program_out {
-            make_folder(folder)?;
-            for file in &files {
-                let path = folder.join(&file.name);
-                report.save(&path, &file.text);
-            }
-        }
         let mut keys = json!({
             "accuracy": AccuracyKind::Relative.name(),
             "q_commanded_deg": messages[0].q_commanded_deg,
@@ -130,7 +119,23 @@ impl Compensate {
         if simulated.is_none() {
             forget_observed(&mut keys);
         }
-        let mut report = (self.common).report("compensate", &scenario, [keys], report)?;
+        let mut report = Report::new(keys, text, conditions);
+        // Before anything is written: there may be no way.
+        let files = match dialect {
+            Some(_) => self.files(&self.program(&scenario, &poses)?, &scenario, dialect)?,
+            None => Vec::new(),
+        };
+        if let Some(path) = &self.angles_out {
+            report.save(path, &angles(&scenario.task, &messages));
+        }
+        if let Some(folder) = &self.program_out {
+            make_folder(folder)?;
+            for file in &files {
+                let path = folder.join(&file.name);
+                report.save(&path, &file.text);
+            }
+        }
+        let mut report = (self.common).report("compensate", &scenario, report)?;
         if self.static_compliance {
             let Task {
                 belief, test_poses, ..
@@ -142,22 +147,12 @@ impl Compensate {
         Ok(report)
     }
 
-    fn check(&self, scenario: &Scenario, dialect: Option<&Dialect>) -> Result<(), FileError> {
-        let (Some(folder), Some(dialect)) = (&self.program_out, dialect) else {
-            return self.common.check_files(scenario, None);
-        };
-        let files = self.files(&Program::default(), scenario, dialect)?;
-        let names: Vec<&str> = files.iter().map(|file| &*file.name).collect();
-        (self.common).check_files(scenario, Some((folder, &names)))
-    }
-
     /// The program through the compensated test poses.
     fn program(
         &self,
         scenario: &Scenario,
-        dialect: &Dialect,
         poses: &[CompensatedPose],
-    ) -> Result<Vec<ProgramFile>, FileError> {
+    ) -> Result<Program, FileError> {
         let targets: Vec<ProgramTarget> = (poses.iter())
             .map(|pose| ProgramTarget {
                 name: format!("test pose {:?}", pose.name),
@@ -170,23 +165,26 @@ impl Compensate {
             self.identified.display()
         );
         let program = program_to(&scenario.task, &scenario.laboratory, &targets, &title);
-        let program = program.map_err(|error| {
+        program.map_err(|error| {
             let wrong = FileError::new(&scenario.path, error.to_string());
             let wrong = wrong.code(ErrorCode::Campaign);
             match error {
                 CampaignError::NoWay { .. } => wrong.hint(CampaignError::HINT),
                 CampaignError::BeyondRange { .. } => wrong,
             }
-        })?;
-        self.files(&program, scenario, dialect)
+        })
     }
 
+    /// The files of a program; none without a dialect.
     fn files(
         &self,
         program: &Program,
         scenario: &Scenario,
-        dialect: &Dialect,
+        dialect: Option<&Dialect>,
     ) -> Result<Vec<ProgramFile>, FileError> {
+        let Some(dialect) = dialect else {
+            return Ok(Vec::new());
+        };
         let commands = scenario.task.belief.commands();
         let name = format!("compensated_{}", scenario.name);
         let files = program.files(dialect, &scenario.laboratory, &commands, &name);

@@ -80,37 +80,39 @@ impl Compensate {
         );
         let (mut shown, mut list): (Vec<Vec<String>>, Vec<Value>) = (Vec::new(), Vec::new());
         for ((row, found), place) in rows.iter().zip(&found).zip(1..) {
-            let angles = (found.as_ref().ok()).map(|commands| names.numbers(commands.as_slice()));
-            let reason = (found.as_ref().err()).map(|failure| reason(failure, &robot.arm));
-            let accuracy = (found.as_ref().ok())
-                .map(|commands| robot.target_accuracy(tool, station, commands, &row.load))
-                .transpose()
-                .map_err(|error| {
-                    FileError::new(targets, error.to_string()).at(format!("line {}", row.line))
-                })?;
-            let accuracy = accuracy.flatten();
-            let mean_mm = accuracy.map(|each| each.mean_m * 1e3);
-            let one_return_mm = accuracy.map(|each| each.one_return_m * 1e3);
-            if let Some(angles) = &angles {
-                let predicted = mean_mm.map_or_else(String::new, |value| value.to_string());
-                csv += &format!("{place},{},{},{predicted}\n", row.line, joined(angles, ","));
-                let predicted = [mean_mm, one_return_mm].map(|value| number(value, 4));
-                let commands = numbers(angles.iter().copied(), 5);
-                shown.push([&[place.to_string()], &predicted[..], &[commands]].concat());
+            let mut record = json!({ "line": row.line, "unreachable": null, "q_commanded_deg": null, "predicted_mm": null,
+                "predicted_one_return_mm": null });
+            match found {
+                Ok(commands) => {
+                    let accuracy = robot.target_accuracy(tool, station, commands, &row.load);
+                    let accuracy = accuracy.map_err(|error| {
+                        FileError::new(targets, error.to_string()).at(format!("line {}", row.line))
+                    })?;
+                    let mean_mm = accuracy.map(|each| each.mean_m * 1e3);
+                    let one_return_mm = accuracy.map(|each| each.one_return_m * 1e3);
+                    let angles = names.numbers(commands.as_slice());
+                    let (written, predicted) = (joined(&angles, ","), joined(mean_mm, ""));
+                    csv += &format!("{place},{},{written},{predicted}\n", row.line);
+                    shown.push(vec![
+                        place.to_string(),
+                        number(mean_mm, 4),
+                        number(one_return_mm, 4),
+                        numbers(angles.iter().copied(), 5),
+                    ]);
+                    record["q_commanded_deg"] = json!(angles);
+                    record["predicted_mm"] = json!(mean_mm);
+                    record["predicted_one_return_mm"] = json!(one_return_mm);
+                }
+                Err(failure) => {
+                    let reason = reason(failure, &robot.arm);
+                    conditions.push(ConditionCode::Unreachable.with(format!(
+                        "target {place} (line {}) cannot be reached: {reason}",
+                        row.line
+                    )));
+                    record["unreachable"] = json!(reason);
+                }
             }
-            if let Some(reason) = &reason {
-                conditions.push(ConditionCode::Unreachable.with(format!(
-                    "target {place} (line {}) cannot be reached: {reason}",
-                    row.line
-                )));
-            }
-            list.push(json!({
-                "line": row.line,
-                "q_commanded_deg": angles,
-                "unreachable": reason,
-                "predicted_mm": mean_mm,
-                "predicted_one_return_mm": one_return_mm,
-            }));
+            list.push(record);
         }
         let mut text = format!("Targets of the tool {name:?} in {said}:\n");
         text += &table(
@@ -158,11 +160,11 @@ impl Compensate {
             "corrects_joint_errors": robot.with_joint_errors.is_some(),
             "targets": list,
         });
-        let mut report = Report::new(Value::Null, text, conditions);
+        let mut report = Report::new(keys, text, conditions);
         if let Some(path) = &self.angles_out {
             report.write(path, &csv)?;
         }
-        Ok((self.common).report("compensate", scenario, [keys], report)?)
+        Ok((self.common).report("compensate", scenario, report)?)
     }
 
     fn tool_of(&self, robot: &CalibratedRobot) -> Result<usize, FileError> {
@@ -229,10 +231,7 @@ impl Compensate {
     ) -> Result<(usize, &'a IdentifiedStation), FileError> {
         let wrong =
             |problem: &str| FileError::new(&self.identified, problem).code(ErrorCode::Targets);
-        let stations = match &robot.with_joint_errors {
-            Some(other) => &other.robot.stations,
-            None => &robot.stations,
-        };
+        let stations = &robot.beside_joint_errors().0.stations;
         let names = joined(stations.iter().filter_map(|each| each.name.as_ref()), ", ");
         let several = format!("name one of them with --station: {names}");
         match (self.station.as_deref(), stations.as_slice()) {
@@ -258,10 +257,8 @@ fn commands(
     base_from_frame: &Isometry3<f64>,
     rows: &[TargetRow],
 ) -> Vec<FoundCommands> {
-    let errors = robot.with_joint_errors.as_ref();
-    let arm = errors.map_or(&robot.arm, |errors| &errors.robot.arm);
-    let joints = errors.map_or(&[][..], |errors| &errors.model.joints);
-    let mut solver = InverseKinematics::new(arm, tool, joints);
+    let (robot, joints) = robot.beside_joint_errors();
+    let mut solver = InverseKinematics::new(&robot.arm, tool, joints);
     let own = (scenario.task.test_poses.iter()).map(|pose| pose.configuration_rad.clone());
     let mut starts: Vec<DVector<f64>> = own.collect();
     let count = starts.len();

@@ -6,7 +6,7 @@ pub mod deflections;
 use clap::ValueEnum;
 
 use crate::identification::{ParameterGroup, patterns::Patterns};
-use crate::measurement::{MeasuredFile, Origin, controller_compensates, read_measured};
+use crate::measurement::{MeasuredFile, controller_compensates, read_measured};
 use crate::task::Method;
 use crate::view::plots::patterns_plot;
 
@@ -79,9 +79,7 @@ pub struct Identify {
 
 impl Identify {
     pub fn execute(&self) -> anyhow::Result<Report> {
-        let origin = Origin::read(&self.measurements)?;
-        let input = ["identify", "--measurements"];
-        let scenario = (self.common).load_for(input, &self.measurements, origin.as_ref())?;
+        let (scenario, origin) = (self.common).load_measured("identify", &self.measurements)?;
         let measured = read_measured(&self.measurements, &scenario.task)?;
         self.common.check_files(&scenario, None)?;
         let held = match &measured {

@@ -7,6 +7,7 @@
 //! uniform u = a / sqrt(3)   triangular u = a / sqrt(6)   arcsine u = a / sqrt(2)   normal u = a / k
 //! ```
 
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, SQRT_2};
 
 use toml::{Table, Value};
@@ -75,51 +76,50 @@ pub(super) const NOISE: [Size; 2] = [
 const OF_ROTATION: [&str; 2] = ["rotation_sigma_mrad", "rotation_mpe_mrad"];
 
 impl Checker<'_> {
-    /// A standard deviation (SI) that a table gives by itself or as a maximum permissible error.
-    pub(super) fn deviation(
-        &self,
-        key: &str,
-        table: &Table,
-        size: &Size,
-    ) -> Result<Option<f64>, FileError> {
-        let given = |name: &str| table.get(name).and_then(Value::as_float);
-        let own = format!("{key}.{}", size.mpe);
-        let deviation = match (given(size.key), given(size.mpe)) {
-            (deviation, None) => deviation,
-            (Some(_), Some(_)) => {
-                let wrong = self.wrong(&own, format!("{} is given, too", size.key));
-                return Err(wrong.hint("leave out one of the two"));
-            }
-            (None, Some(error)) if error > 0.0 => {
-                Some(error * size.mpe_unit / self.divisor(key, table)?)
-            }
-            (None, Some(error)) => {
-                let problem = format!(
-                    "found {error}; a positive number is allowed: half of the width between the bounds"
-                );
-                return Err(self.wrong(&own, problem));
-            }
-        };
-        let deviation = self.optional(&format!("{key}.{}", size.key), deviation, size.range)?;
-        Ok(deviation.map(|deviation| deviation * size.unit))
-    }
-
-    /// What a table says of maximum permissible errors is of one that it gives.
-    pub(super) fn certificate_is_used(
+    /// The standard deviations (SI) that a table gives under these keys, or as maximum permissible errors in their place.
+    pub(super) fn deviations(
         &self,
         key: &str,
         table: &Table,
         sizes: &[Size],
-    ) -> Result<(), FileError> {
-        let words = ["distribution", "coverage_factor"];
-        match words.iter().find(|word| table.contains_key(**word)) {
-            Some(word) if !sizes.iter().any(|size| table.contains_key(size.mpe)) => {
-                let problem = "is of a maximum permissible error, and none is given";
-                let wrong = self.wrong(&format!("{key}.{word}"), problem);
-                Err(wrong.hint("leave it out, or give mpe_... in place of the standard deviation"))
-            }
-            _ => Ok(()),
+    ) -> Result<BTreeMap<&'static str, f64>, FileError> {
+        let given = |name: &str| table.get(name).and_then(Value::as_float);
+        let mut words = ["distribution", "coverage_factor"].into_iter();
+        let has_mpe = sizes.iter().any(|size| given(size.mpe).is_some());
+        if let Some(word) = words.find(|word| !has_mpe && table.contains_key(*word)) {
+            let problem = "is of a maximum permissible error, and none is given";
+            let wrong = self.wrong(&format!("{key}.{word}"), problem);
+            return Err(
+                wrong.hint("leave it out, or give mpe_... in place of the standard deviation")
+            );
         }
+        let mut deviations = BTreeMap::new();
+        for size in sizes {
+            let own = format!("{key}.{}", size.mpe);
+            let deviation = match (given(size.key), given(size.mpe)) {
+                (None, None) => continue,
+                (Some(deviation), None) => deviation,
+                (Some(_), Some(_)) => {
+                    let wrong = self.wrong(&own, format!("{} is given, too", size.key));
+                    return Err(wrong.hint("leave out one of the two"));
+                }
+                (None, Some(error)) if error > 0.0 => {
+                    error * size.mpe_unit / self.divisor(key, table)?
+                }
+                (None, Some(error)) => {
+                    let problem = format!(
+                        "found {error}; a positive number is allowed: half of the width between the bounds"
+                    );
+                    return Err(self.wrong(&own, problem));
+                }
+            };
+            let key = format!("{key}.{}", size.key);
+            deviations.insert(
+                size.key,
+                self.number(&key, deviation, size.range)? * size.unit,
+            );
+        }
+        Ok(deviations)
     }
 
     /// How many standard uncertainties a maximum permissible error is.

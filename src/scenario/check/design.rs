@@ -1,25 +1,18 @@
 //! The table `[design]` and the plans of `[[plan]]`.
 
-use super::Checker;
+use super::ArmChecker;
 use crate::experiment::Loads;
 use crate::experiment::Plan;
 use crate::files::FileError;
 use crate::quantities::limits::{MOST_EXPERIMENTS, MOST_NAMED};
-use crate::robot::Commands;
 use crate::scenario::PlanFile;
-use crate::scenario::file::{DesignTable, PlanTable};
 use crate::task::Design;
 
-impl Checker<'_> {
-    pub(super) fn design(
-        &self,
-        table: &DesignTable,
-        parameters: usize,
-        commands: &Commands,
-        loads: &Loads,
-    ) -> Result<Design, FileError> {
+impl ArmChecker<'_> {
+    pub(super) fn design(&self, parameters: usize, loads: &Loads) -> Result<Design, FileError> {
+        let (table, reads_along) = (&self.file.design, self.commands.reads_along);
         // As many numbers as there are unknowns.
-        let fewest = commands.reads_along.fewest(parameters);
+        let fewest = reads_along.fewest(parameters);
         let experiments = table.experiments;
         self.at_most(
             "design.experiments",
@@ -27,7 +20,7 @@ impl Checker<'_> {
             MOST_EXPERIMENTS as usize,
         )?;
         if experiments < fewest {
-            let each = if commands.reads_along.numbers() == 1 {
+            let each = if reads_along.numbers() == 1 {
                 "one number"
             } else {
                 "three numbers"
@@ -48,7 +41,7 @@ impl Checker<'_> {
             return Err(self.wrong("design.configurations", problem));
         }
         let mandatory = match &table.mandatory {
-            Some(path) => self.plan("design.mandatory", &self.resolve(path), commands)?,
+            Some(path) => self.plan("design.mandatory", &self.resolve(path))?,
             None => Plan::default(),
         };
         if mandatory.measurements() > experiments {
@@ -73,15 +66,12 @@ impl Checker<'_> {
     }
 
     /// Plans are read once here, so that a wrong one is found before any work is done.
-    pub(super) fn plans(
-        &self,
-        tables: &[PlanTable],
-        commands: &Commands,
-    ) -> Result<Vec<PlanFile>, FileError> {
+    pub(super) fn plans(&self) -> Result<Vec<PlanFile>, FileError> {
+        let tables = &self.file.plan;
         self.named("plan", MOST_NAMED, tables.iter().map(|each| &each.name))?;
         self.each("plan", MOST_NAMED, tables, |key, table| {
             let path = self.resolve(&table.file);
-            self.plan(&format!("{key}.file"), &path, commands)?;
+            self.plan(&format!("{key}.file"), &path)?;
             Ok(PlanFile {
                 name: table.name.clone(),
                 path,

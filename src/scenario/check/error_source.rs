@@ -1,20 +1,21 @@
 //! One of the tables `[[uncertainty]]`: the error source that it is.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DVector, Vector3};
 use toml::Table;
 
 use super::Checker;
-use super::certificate::{SIZES, Size};
-use super::gauge::other_instrument;
+use super::certificate::SIZES;
 use crate::files::FileError;
 use crate::mujoco::State;
 use crate::parameter::{
     Axis, ParameterKind as Of, RangeNoise, ReadingSource, Source, UnexplainedError,
 };
-use crate::quantities::plausible::TORQUE_LIMIT;
-use crate::robot::Drive;
+use crate::robot::{Drive, ReadsAlong, Robot};
 use crate::scenario::file::{UncertaintyKind as Kind, UncertaintyTable};
-use crate::task::{Belief, wrong_station};
+use crate::task::{Belief, Instrument, wrong_station};
+use crate::text::wording::joined;
 
 /// What readings are beside the robot: the hours between the unloaded and the loaded one of a deflection, where the
 /// instrument may stand, and the first test pose.
@@ -24,13 +25,25 @@ pub(super) struct ReadingPlaces<'a> {
     pub test_pose_rad: &'a DVector<f64>,
 }
 
+/// The keys that all kinds have.
+const OF_ALL: [&str; 6] = [
+    "kind",
+    "name",
+    "hidden",
+    "replaced",
+    "distribution",
+    "coverage_factor",
+];
+
 /// One table under its key, of a belief.
 pub(super) struct UncertaintyEntry<'a> {
     pub checker: &'a Checker<'a>,
     key: String,
     pub table: &'a UncertaintyTable,
-    /// The same by its keys, of those that are given.
+    /// The same by its keys, of those that are given,
     given: Table,
+    /// and the standard deviations among them (SI).
+    sizes: BTreeMap<&'static str, f64>,
     pub belief: &'a Belief,
     pub places: ReadingPlaces<'a>,
 }
@@ -44,39 +57,32 @@ impl<'a> UncertaintyEntry<'a> {
         (belief, places): (&'a Belief, ReadingPlaces<'a>),
     ) -> Result<Self, FileError> {
         let given = Table::try_from(table).unwrap_or_default();
-        let entry = Self {
+        let mut entry = Self {
             checker,
             key,
             table,
             given,
+            sizes: BTreeMap::new(),
             belief,
             places,
         };
-        let [sizes, further] = table.kind.keys();
+        let [sizes, further] = table.kind.keys().map(|keys| keys.split_whitespace());
+        let own: Vec<&str> = sizes.clone().chain(further).collect();
         let kind = table.kind.name();
         for key in entry.given.keys() {
             let of_mpe = SIZES.iter().find(|size| size.mpe == key);
             let meant = of_mpe.map_or(key.as_str(), |size| size.key);
-            let is_of_all = [
-                "kind",
-                "name",
-                "hidden",
-                "replaced",
-                "distribution",
-                "coverage_factor",
-            ]
-            .contains(&meant);
-            if !is_of_all && !sizes.contains(&meant) && !further.contains(&meant) {
-                let all = [sizes, further].concat().join(" or ");
+            if !OF_ALL.contains(&meant) && !own.contains(&meant) {
+                let all = own.join(" or ");
                 return Err(entry.wrong(key, format!("a {kind} has no such key; it has {all}")));
             }
         }
         if let Some(problem) = other_instrument(table, &belief.instrument) {
             return Err(entry.wrong("kind", problem));
         }
-        checker.certificate_is_used(&entry.key, &entry.given, &SIZES)?;
-        if !sizes.iter().any(|size| entry.gives(size)) {
-            let all = sizes.join(" or ");
+        entry.sizes = checker.deviations(&entry.key, &entry.given, &SIZES)?;
+        if !sizes.clone().any(|size| entry.gives(size)) {
+            let all = joined(sizes, " or ");
             let problem = format!("a {kind} needs its standard deviation: {all}");
             return Err(checker.wrong(&entry.key, problem));
         }
@@ -95,7 +101,8 @@ impl<'a> UncertaintyEntry<'a> {
     /// What is uncertain, and by how much.
     pub fn source(&self) -> Result<Source, FileError> {
         use ReadingSource as New;
-        let key = self.table.kind.keys()[0][0];
+        let [sizes, _] = self.table.kind.keys();
+        let key = sizes.split(' ').next().unwrap_or_default();
         Ok(Source::Reading(match self.table.kind {
             Kind::LoadDirection => New::LoadDirection(self.size(key)?),
             Kind::LoadPoint => New::LoadPoint(self.size(key)?),
@@ -107,7 +114,7 @@ impl<'a> UncertaintyEntry<'a> {
             Kind::JointRepeatability => self.joint_repeatability()?,
             Kind::TrackerRange => New::Range(self.tracker_range()?),
             Kind::TransmissionError => return self.transmission_error(),
-            Kind::TaskForce => return self.task_force(),
+            Kind::TaskForce => return Ok(self.task_force()),
             Kind::JointZero | Kind::Backlash => {
                 let of = |(joint, size)| match self.table.kind {
                     Kind::Backlash => (Of::JointBacklash { joint }, size),
@@ -136,19 +143,30 @@ impl<'a> UncertaintyEntry<'a> {
             let axes = |link| Axis::ALL.map(|axis| of(link, axis));
             which.into_iter().flat_map(axes).collect()
         };
-        let links = || self.joints(|_| true, |_| None);
+        let obstacle = |joint| self.obstacle(joint);
+        let joints = || self.joints(|_| true, obstacle);
         Ok(match self.table.kind {
-            Kind::Compliance => each(self.elastic()?, |joint| Of::JointCompliance { joint }),
-            Kind::Stiffening => each(self.stiffening()?, |joint| Of::JointStiffening { joint }),
-            Kind::LinkMass => each(self.heavy()?, |link| Of::LinkMass { link }),
-            Kind::LinkCentre => {
-                axes_of_each(self.heavy()?, |link, axis| Of::LinkCentre { link, axis })
+            // Of joints whose compliances are not to be found, or those that are named.
+            Kind::Compliance => {
+                let is_known = |joint: usize| !self.belief.parameters.contains(&joint);
+                let joints = self.joints(is_known, obstacle)?;
+                each(joints, |joint| Of::JointCompliance { joint })
             }
+            Kind::Stiffening => {
+                if self.torque("at_nm").is_none() {
+                    let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
+                                   its spring would";
+                    return Err(self.wrong("at_nm", problem));
+                }
+                each(joints()?, |joint| Of::JointStiffening { joint })
+            }
+            Kind::LinkMass => each(joints()?, |link| Of::LinkMass { link }),
+            Kind::LinkCentre => axes_of_each(joints()?, |link, axis| Of::LinkCentre { link, axis }),
             Kind::LinkPosition => {
-                axes_of_each(links()?, |link, axis| Of::LinkPosition { link, axis })
+                axes_of_each(joints()?, |link, axis| Of::LinkPosition { link, axis })
             }
             Kind::LinkRotation => {
-                axes_of_each(links()?, |link, axis| Of::LinkRotation { link, axis })
+                axes_of_each(joints()?, |link, axis| Of::LinkRotation { link, axis })
             }
             Kind::SpringStiffness => each(self.springs()?, |spring| Of::SpringStiffness { spring }),
             Kind::SpringRest => each(self.springs()?, |spring| Of::SpringRest { spring }),
@@ -162,40 +180,33 @@ impl<'a> UncertaintyEntry<'a> {
         })
     }
 
-    /// Joints that give and whose compliances are not to be found, or those that are named.
-    fn elastic(&self) -> Result<Vec<usize>, FileError> {
-        let is_known = |joint: usize| !self.belief.parameters.contains(&joint);
-        self.joints(is_known, |joint| self.rigid(joint))
-    }
-
-    fn rigid(&self, joint: usize) -> Option<&'static str> {
-        let is_rigid = self.belief.nominal.compliance_rad_per_nm[joint] <= 0.0;
-        is_rigid.then_some("is rigid: its compliance is zero and cannot be wrong by a share")
-    }
-
-    /// Commanded joints that give, under the torque that is given.
-    fn stiffening(&self) -> Result<Vec<usize>, FileError> {
-        if self.torque("at_nm")?.is_none() {
-            let problem = "is missing: the torque (N m; N where a joint slides) at which a joint gives less by this share than \
-                           its spring would";
-            return Err(self.wrong("at_nm", problem));
+    /// Why a table of its kind cannot be about a joint, or about the link that it moves.
+    fn obstacle(&self, joint: usize) -> Option<&'static str> {
+        let Robot {
+            chain,
+            compliance_rad_per_nm,
+            ..
+        } = &self.belief.nominal;
+        let is_passive = chain.joints[joint].drive.passive_at.is_some();
+        let is_rigid = compliance_rad_per_nm[joint] <= 0.0;
+        match self.table.kind {
+            Kind::LinkMass | Kind::LinkCentre if chain.joints[joint].mass_kg <= 0.0 => {
+                Some("moves a link that has no mass")
+            }
+            Kind::Stiffening if is_passive => Some("is passive: its spring is the model's"),
+            Kind::Compliance | Kind::Stiffening if is_rigid => {
+                Some("is rigid: its compliance is zero and cannot be wrong by a share")
+            }
+            Kind::JointZero
+            | Kind::Backlash
+            | Kind::JointRepeatability
+            | Kind::TransmissionError
+                if is_passive =>
+            {
+                Some("is passive: nothing commands it")
+            }
+            _ => None,
         }
-        let passive = |joint: usize| {
-            let is_passive = self.drive(joint).passive_at.is_some();
-            is_passive.then_some("is passive: its spring is the model's")
-        };
-        self.joints(
-            |_| true,
-            |joint| passive(joint).or_else(|| self.rigid(joint)),
-        )
-    }
-
-    /// Links that weigh something.
-    fn heavy(&self) -> Result<Vec<usize>, FileError> {
-        let chain = &self.belief.nominal.chain;
-        let weightless = |link: usize| chain.joints[link].mass_kg <= 0.0;
-        let obstacle = |link| weightless(link).then_some("moves a link that has no mass");
-        self.joints(|_| true, obstacle)
     }
 
     /// The coordinates of positions (0) or rotations (1) of stations that are named, or of all, as far as lengths from there show them.
@@ -224,20 +235,17 @@ impl<'a> UncertaintyEntry<'a> {
         Ok(kinds)
     }
 
-    fn task_force(&self) -> Result<Source, FileError> {
-        let scale = self.optional_size("std_relative")?;
-        let force = self.optional_size("std_n")?;
-        let axes = force.map(|size| Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
-        let all = scale.map(|size| (Of::TaskScale, size)).into_iter();
-        Ok(Source::Plan(
-            all.chain(axes.into_iter().flatten()).collect(),
-        ))
+    fn task_force(&self) -> Source {
+        let [scale, force] = ["std_relative", "std_n"].map(|key| self.sizes.get(key));
+        let axes = force.map(|&size| Axis::ALL.map(|axis| (Of::TaskForce { axis }, size)));
+        let all = scale.map(|&size| (Of::TaskScale, size)).into_iter();
+        Source::Plan(all.chain(axes.into_iter().flatten()).collect())
     }
 
     /// The noise that grows with the distance from the tracker.
     fn tracker_range(&self) -> Result<RangeNoise, FileError> {
         let per_metre = self.size("std_um_per_m")?;
-        let along = self.optional_size("along_um_per_m")?;
+        let along = self.sizes.get("along_um_per_m").copied();
         let from_m = tracker_m(self.belief).ok_or_else(|| {
             let problem =
                 "the noise grows with the distance from the tracker, and nothing says where it is";
@@ -262,32 +270,22 @@ impl<'a> UncertaintyEntry<'a> {
     }
 
     /// A torque (N m; N where a joint slides).
-    pub fn torque(&self, key: &str) -> Result<Option<f64>, FileError> {
-        let value = self.given.get(key).and_then(toml::Value::as_float);
-        self.checker.optional(&self.path(key), value, &TORQUE_LIMIT)
+    pub fn torque(&self, key: &str) -> Option<f64> {
+        self.given.get(key).and_then(toml::Value::as_float)
     }
 
-    /// Whether it gives a size, as such or by a maximum permissible error.
+    /// Whether it gives a key, or a size by a maximum permissible error.
     pub fn gives(&self, key: &str) -> bool {
-        let by_mpe = |size: &Size| size.key == key && self.given.contains_key(size.mpe);
-        self.given.contains_key(key) || SIZES.iter().any(by_mpe)
+        self.given.contains_key(key) || self.sizes.contains_key(key)
     }
 
     /// A standard deviation in SI units.
     pub fn size(&self, key: &str) -> Result<f64, FileError> {
-        self.optional_size(key)?.ok_or_else(|| {
+        self.sizes.get(key).copied().ok_or_else(|| {
             let kind = self.table.kind.name();
-            self.wrong(
-                key,
-                format!("is missing: the standard deviation of a {kind}"),
-            )
+            let problem = format!("is missing: the standard deviation of a {kind}");
+            self.wrong(key, problem)
         })
-    }
-
-    fn optional_size(&self, key: &str) -> Result<Option<f64>, FileError> {
-        let size = SIZES.iter().find(|size| size.key == key);
-        let given = size.map(|size| self.checker.deviation(&self.key, &self.given, size));
-        Ok(given.transpose()?.flatten())
     }
 
     pub fn drive(&self, joint: usize) -> &Drive {
@@ -363,13 +361,10 @@ impl<'a> UncertaintyEntry<'a> {
             let slides = self.drive(joint).slides;
             if slides { "std_mm" } else { of_angle }
         };
-        let passive = |joint: usize| {
-            let is_passive = self.drive(joint).passive_at.is_some();
-            is_passive.then_some("is passive: nothing commands it")
-        };
-        let joints = self.joints(|joint| self.gives(key(joint)), passive)?;
+        let obstacle = |joint| self.obstacle(joint);
+        let joints = self.joints(|joint| self.gives(key(joint)), obstacle)?;
         for (size, of_these) in [("std_mm", "slides"), (of_angle, "turns")] {
-            let is_left = |joint: &usize| key(*joint) == size && passive(*joint).is_none();
+            let is_left = |joint: &usize| key(*joint) == size && obstacle(*joint).is_none();
             let all = 0..self.belief.nominal.chain.len();
             if self.table.joints.is_none()
                 && !self.gives(size)
@@ -411,5 +406,38 @@ fn tracker_m(belief: &Belief) -> Option<Vector3<f64>> {
             Some(state.site(site).0)
         }
         None => belief.stations.first().map(|station| station.position_m),
+    }
+}
+
+/// Why an uncertainty of a kind is not of what reads, a gauge or not; nothing where it is.
+fn other_instrument(table: &UncertaintyTable, instrument: &Instrument) -> Option<&'static str> {
+    use ReadsAlong::{Always, Never};
+    let reads_along = instrument.reads_along();
+    let length = instrument.length_alone();
+    match table.kind {
+        Kind::GaugeDirection if reads_along == Never => {
+            Some("is of a gauge, and instrument.reads is not \"displacement\"")
+        }
+        Kind::TrackerRange if reads_along == Always => {
+            Some("is of an instrument with a frame, and instrument.reads is \"displacement\"")
+        }
+        Kind::TrackerRange if length.is_some_and(|kind| !kind.is_sighted()) => Some(
+            "is of an instrument that reads along a line of sight, and instrument.reads is none",
+        ),
+        Kind::BaseRotation if reads_along != Never => Some(
+            "is of an instrument with a frame, and a gauge reads, alone or beside one, along the directions of the world",
+        ),
+        Kind::BaseRotation if instrument.lengths().next().is_some() => Some(
+            "is of an instrument with a frame; of where lengths are read from, see station_rotation",
+        ),
+        Kind::StationPosition | Kind::StationRotation if instrument.lengths().next().is_none() => {
+            Some("is of a place that lengths are read from, and the instrument reads none")
+        }
+        // Harmonics are the robot's own.
+        Kind::TransmissionError if table.harmonics.is_some() => None,
+        Kind::Discrepancy | Kind::TransmissionError if reads_along != Never => Some(
+            "is shared by all deflections of a configuration, which displacements along a direction are not planned with",
+        ),
+        _ => None,
     }
 }

@@ -2,55 +2,38 @@
 
 use nalgebra::DVector;
 
-use super::Checker;
+use super::ArmChecker;
 use crate::files::FileError;
 use crate::laboratory::{Costs, Laboratory};
 use crate::parameter::Unloaded;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{ANGLE, APPROACH, AXIS_SPEED, Kind, MINUTES};
-use crate::robot::{Commands, SerialChain};
-use crate::scenario::file::File;
 use crate::task::Loading;
 
 /// The largest number of a tool or a base.
 const LARGEST_NUMBER: u32 = 1000;
 
-impl Checker<'_> {
-    pub(super) fn laboratory(
-        &self,
-        file: &File,
-        chain: &SerialChain,
-        commands: &Commands,
-    ) -> Result<Laboratory, FileError> {
-        let table = &file.laboratory;
-        self.loading(file)?;
+impl ArmChecker<'_> {
+    pub(super) fn laboratory(&self) -> Result<Laboratory, FileError> {
+        let table = &self.file.laboratory;
+        self.loading()?;
         let usual = Laboratory::default();
-        let given = |name: &str, value: Option<f64>, kind: &Kind| {
-            self.optional(&format!("laboratory.{name}"), value, kind)
-        };
-        let minutes = |name: &str, value: Option<f64>, usual: f64| {
-            Ok::<_, FileError>(given(name, value, &MINUTES)?.unwrap_or(usual))
-        };
         let count = |name: &str, value: Option<u32>, usual: u32, allowed| {
             let value = value.unwrap_or(usual);
             self.count(&format!("laboratory.{name}"), value, allowed)
         };
         let (numbers, percent) = (0..=LARGEST_NUMBER, 1..=100);
         let (tool, base, speed) = (table.tool_number, table.base_number, table.speed_percent);
-        let (axis_speed, change) = (table.axis_speed_deg_s, table.load_change_min);
-        let costs = usual.costs;
-        let safe = |key: &str, q_deg: &Vec<f64>| self.configuration(key, q_deg, chain, commands);
+        let (costs, angle) = (usual.costs, f64::to_radians);
+        let safe = |key: &str, q_deg: &Vec<f64>| self.configuration(key, q_deg);
         Ok(Laboratory {
             costs: Costs {
-                station_min: minutes("station_min", table.station_min, costs.station_min)?,
-                move_min: minutes("move_min", table.move_min, costs.move_min)?,
-                load_change_min: minutes("load_change_min", change, costs.load_change_min)?,
-                reading_min: minutes("reading_min", table.reading_min, costs.reading_min)?,
+                station_min: table.station_min.unwrap_or(costs.station_min),
+                move_min: table.move_min.unwrap_or(costs.move_min),
+                load_change_min: table.load_change_min.unwrap_or(costs.load_change_min),
+                reading_min: table.reading_min.unwrap_or(costs.reading_min),
             },
-            axis_speed_per_s: given("axis_speed_deg_s", axis_speed, &AXIS_SPEED)?
-                .map_or(usual.axis_speed_per_s, f64::to_radians),
-            approach: given("approach_deg", table.approach_deg, &APPROACH)?
-                .map_or(usual.approach, f64::to_radians),
+            axis_speed_per_s: (table.axis_speed_deg_s).map_or(usual.axis_speed_per_s, angle),
+            approach: table.approach_deg.map_or(usual.approach, angle),
             safe_poses: self.each("laboratory.safe_deg", MOST_NAMED, &table.safe_deg, safe)?,
             dialect: table.dialect.clone().unwrap_or(usual.dialect),
             speed_percent: count("speed_percent", speed, usual.speed_percent, percent)?,
@@ -60,8 +43,8 @@ impl Checker<'_> {
     }
 
     /// Whether loads can be hung in place.
-    fn loading(&self, file: &File) -> Result<(), FileError> {
-        let both = (file.laboratory.loading, file.instrument.unloaded);
+    fn loading(&self) -> Result<(), FileError> {
+        let both = (self.file.laboratory.loading, self.file.instrument.unloaded);
         if both != (Loading::InPlace, Unloaded::Shared) {
             return Ok(());
         }
@@ -74,10 +57,9 @@ impl Checker<'_> {
         &self,
         key: &str,
         q_deg: &[f64],
-        chain: &SerialChain,
-        commands: &Commands,
     ) -> Result<DVector<f64>, FileError> {
-        let q_deg = self.one_per_joint(key, q_deg, commands.len(), &ANGLE)?;
+        let (chain, commands) = (self.chain, &self.commands);
+        let q_deg = self.one_per_joint(key, q_deg, commands.len())?;
         let end = |end: usize| -> Vec<f64> {
             let ends = chain.joints.iter().map(|joint| joint.range_rad[end]);
             commands.shown(&ends.collect::<Vec<f64>>())

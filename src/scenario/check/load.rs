@@ -1,31 +1,27 @@
 //! The table `[load]`, and every other force and torque.
 
-use nalgebra::Vector3;
-
 use super::Checker;
+use super::number::vector;
 use crate::experiment::Loads;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
-use crate::quantities::plausible::{FORCE, FORCE_LIMIT, LEAST_FORCE, TORQUE, faint_load};
+use crate::quantities::plausible::faint_load;
 use crate::robot::Load;
 use crate::scenario::file::{LoadKind, WrenchTable};
 
 impl Checker<'_> {
     pub(super) fn loads(&self, kind: &LoadKind) -> Result<Loads, FileError> {
-        let most = |value: f64| self.number("load.force_max_n", value, &FORCE_LIMIT);
         Ok(match kind {
             LoadKind::Fixed { force_n, torque_nm } => {
                 let parts = [Some(force_n.as_slice()), torque_nm.as_deref()];
-                Loads::Fixed(self.load("load", ["force_n", "torque_nm"], parts)?)
+                Loads::Fixed(self.load("load", "force_n", parts)?)
             }
             LoadKind::Direction {
                 direction,
-                force_min_n,
-                force_max_n,
+                force_min_n: low,
+                force_max_n: high,
             } => {
                 let direction = self.unit("load.direction", direction)?;
-                let low = self.number("load.force_min_n", *force_min_n, &LEAST_FORCE)?;
-                let high = most(*force_max_n)?;
                 if low > high {
                     let problem =
                         format!("found {low}; at most load.force_max_n = {high} is allowed");
@@ -33,11 +29,11 @@ impl Checker<'_> {
                 }
                 Loads::Direction {
                     direction,
-                    force_n: [low, high],
+                    force_n: [*low, *high],
                 }
             }
             LoadKind::Any { force_max_n } => Loads::Any {
-                force_max_n: most(*force_max_n)?,
+                force_max_n: *force_max_n,
             },
             LoadKind::List { wrenches } => {
                 if wrenches.is_empty() {
@@ -45,7 +41,7 @@ impl Checker<'_> {
                 }
                 let load = |key: &str, wrench: &WrenchTable| {
                     let parts = [Some(wrench.force_n.as_slice()), wrench.torque_nm.as_deref()];
-                    self.load(key, ["force_n", "torque_nm"], parts)
+                    self.load(key, "force_n", parts)
                 };
                 let loads = self.each("load.wrenches", MOST_LISTED, wrenches, load)?;
                 if let Some(place) = (1..loads.len()).find(|&at| loads[..at].contains(&loads[at])) {
@@ -57,19 +53,17 @@ impl Checker<'_> {
         })
     }
 
-    /// A force (N) and a torque (N m) under the keys of their names, of which one must act. A force must be given.
+    /// A force (N), which must be given under its name, and a torque (N m), of which one must act.
     pub(super) fn load(
         &self,
         key: &str,
-        names: [&str; 2],
+        name: &str,
         [force_n, torque_nm]: [Option<&[f64]>; 2],
     ) -> Result<Load, FileError> {
-        let [force, torque] = names.map(|name| format!("{key}.{name}"));
-        let force_n = force_n.ok_or_else(|| self.wrong(&force, "is missing"))?;
-        let torque_nm = torque_nm.unwrap_or(&[0.0; 3]);
+        let missing = || self.wrong(&format!("{key}.{name}"), "is missing");
         let load = Load {
-            force_n: Vector3::from(self.numbers(&force, force_n, &FORCE)?),
-            torque_nm: Vector3::from(self.numbers(&torque, torque_nm, &TORQUE)?),
+            force_n: vector(force_n.ok_or_else(missing)?),
+            torque_nm: torque_nm.map(vector).unwrap_or_default(),
         };
         if load == Load::NONE {
             return Err(self.wrong(key, "found a load of zero, which deflects nothing"));

@@ -4,12 +4,10 @@ mod additions;
 mod certificate;
 mod design;
 mod error_source;
-mod gauge;
 mod inputs;
 mod instrument;
 mod laboratory;
 mod load;
-mod name;
 mod number;
 mod prior;
 mod region;
@@ -21,11 +19,13 @@ mod test_pose;
 mod torque_law;
 mod transmission_error;
 mod uncertainty;
+mod values;
 
 use std::cell::RefCell;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 
-use self::additions::Locked;
+use self::additions::{Locked, locked};
 use self::error_source::ReadingPlaces;
 use self::inputs::Inputs;
 use self::prior::sampled_about_earlier;
@@ -37,7 +37,7 @@ use crate::files::typed::from_toml;
 use crate::files::{FileError, is_plain_name, read_text};
 use crate::gate::Gate;
 use crate::mujoco::Additions;
-use crate::robot::{Commands, Robot};
+use crate::robot::{Commands, Robot, SerialChain};
 use crate::task::{Belief, Task};
 use crate::testbed::Truth;
 use crate::text::{nearest, wording::joined, wrong_name};
@@ -66,15 +66,31 @@ struct Checker<'a> {
     inputs: RefCell<Inputs>,
 }
 
+/// The same, with the file and the arm that it is about.
+struct ArmChecker<'a> {
+    checker: &'a Checker<'a>,
+    file: &'a File,
+    chain: &'a SerialChain,
+    commands: Commands,
+}
+
+impl<'a> Deref for ArmChecker<'a> {
+    type Target = Checker<'a>;
+
+    fn deref(&self) -> &Checker<'a> {
+        self.checker
+    }
+}
+
 impl Checker<'_> {
     fn scenario(&self, text: &str) -> Result<Scenario, FileError> {
         let file = self.parse(text)?;
         let table = toml::from_str(text)
             .map_err(|error| FileError::new(self.path, error.message().to_owned()))?;
-        self.check_names("", &table)?;
+        self.check_table("", "", &table)?;
 
         let additions = self.additions(&file)?;
-        let locked = self.locked(&file.robot)?;
+        let locked = locked(&file.robot);
         let mut nominal = self.nominal(&file, &additions, &locked)?;
         let tool = |key: &str, site: &str| self.tool(key, &nominal.model, site);
         let calibration_tool = tool("robot.calibration_site", &file.robot.calibration_site)?;
@@ -82,33 +98,34 @@ impl Checker<'_> {
         let (mut parameters, further) = self.parameters(&nominal.chain, &file)?;
         let true_robot = self.true_robot(&file, &nominal, &additions, &locked)?;
         let before = self.prior(&file, &mut nominal, &mut parameters)?;
-        let is_listed = |joint: &&usize| {
-            let name = &nominal.chain.joints[**joint].name;
-            file.uncertainty
-                .iter()
-                .any(|each| each.knows_compliance_of(name))
-        };
+        let is_listed = |joint: &&usize| file.knows_compliance_of(&nominal.chain, **joint);
         let known = before.known + parameters.iter().filter(is_listed).count();
         let to_find = parameters.len().saturating_sub(known);
 
         let instrument = self.instrument(&file, &nominal.model)?;
-        let (joints, commands) = (nominal.chain.len(), file.commands(&nominal.chain));
-        let test_poses = self.test_poses(&file.test_pose, &nominal.chain, &machining_tool)?;
+        let of_arm = ArmChecker {
+            checker: self,
+            file: &file,
+            chain: &nominal.chain,
+            commands: file.commands(&nominal.chain),
+        };
+        let joints = nominal.chain.len();
+        let test_poses = of_arm.test_poses(&machining_tool)?;
         let loads = self.loads(&file.load)?;
-        let design = self.design(&file.design, to_find, &commands, &loads)?;
-        let plans = self.plans(&file.plan, &commands)?;
+        let design = of_arm.design(to_find, &loads)?;
+        let plans = of_arm.plans()?;
         let stations = self.stations(&file, &nominal.model, &instrument)?;
         let context = study::Context {
             sigma_m: instrument.sigma_m,
-            sigma_of: file.instrument.sigma_of,
             design: &design,
             plans: &plans,
             parameters: to_find,
-            commands: &commands,
+            conditions: Vec::new(),
         };
-        let study = self.study(&file.study, &context)?;
-        let region = self.region(&file.region, &nominal.chain)?;
-        let laboratory = self.laboratory(&file, &nominal.chain, &commands)?;
+        let study = of_arm.study(context)?;
+        let compliance_spread = of_arm.spread()?;
+        let region = of_arm.region()?;
+        let laboratory = of_arm.laboratory()?;
         let mut belief = Belief {
             prior: before.prior,
             prior_campaign: before.campaign,
@@ -141,7 +158,7 @@ impl Checker<'_> {
             earlier: sampled_about_earlier(&belief, file.tells_compliances(), &mut sources),
             uncertainties: sources,
             robot: true_robot,
-            compliance_spread: self.spread(&file.study.compliance_spread, joints)?,
+            compliance_spread,
         };
         Ok(Scenario {
             path: self.path.to_owned(),
@@ -251,9 +268,11 @@ impl Checker<'_> {
         let wrong = self.wrong(key, error.to_string()).code(error.code);
         wrong.hinted(error.hint.or(elsewhere))
     }
+}
 
-    fn plan(&self, key: &str, path: &Path, commands: &Commands) -> Result<Plan, FileError> {
-        let plan = read_plan(path, commands.clone());
+impl ArmChecker<'_> {
+    fn plan(&self, key: &str, path: &Path) -> Result<Plan, FileError> {
+        let plan = read_plan(path, self.commands.clone());
         let plan = plan.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         Ok(plan)

@@ -1,6 +1,7 @@
 //! Numbers, arrays and names that are allowed.
 
 use std::fmt::Display;
+use std::iter::repeat;
 use std::ops::RangeInclusive;
 
 use nalgebra::{Isometry3, Vector3};
@@ -8,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::Checker;
 use crate::files::FileError;
 use crate::mujoco::frame;
-use crate::quantities::plausible::{ANGLE, DIRECTION, Kind, POSITION};
+use crate::quantities::plausible::{DIRECTION, Kind};
 use crate::robot::SerialChain;
 use crate::text::wording::joined;
 
@@ -17,16 +18,6 @@ impl Checker<'_> {
     pub(super) fn number(&self, key: &str, value: f64, kind: &Kind) -> Result<f64, FileError> {
         kind.check(value)
             .map_err(|problem| self.wrong(key, problem))
-    }
-
-    /// A number of a kind that need not be given.
-    pub(super) fn optional(
-        &self,
-        key: &str,
-        value: Option<f64>,
-        kind: &Kind,
-    ) -> Result<Option<f64>, FileError> {
-        value.map(|value| self.number(key, value, kind)).transpose()
     }
 
     /// How many there may be of something.
@@ -58,91 +49,53 @@ impl Checker<'_> {
         &self,
         key: &str,
         bounds_mm: [Option<f64>; 2],
-        kind: &Kind,
     ) -> Result<[Option<f64>; 2], FileError> {
-        let [least, most] = ["min", "max"].map(|end| format!("{key}_{end}_mm"));
-        self.optional(&least, bounds_mm[0], kind)?;
-        self.optional(&most, bounds_mm[1], kind)?;
         if let [Some(low), Some(high)] = bounds_mm
             && low > high
         {
-            let problem = format!("found {low}; at most {most} = {high} is allowed");
-            return Err(self.wrong(&least, problem));
+            let problem = format!("found {low}; at most {key}_max_mm = {high} is allowed");
+            return Err(self.wrong(&format!("{key}_min_mm"), problem));
         }
         Ok(bounds_mm.map(|bound| bound.map(|mm| mm * 1e-3)))
     }
 
-    /// An array of N numbers of a kind.
-    pub(super) fn numbers<const N: usize>(
-        &self,
-        key: &str,
-        values: &[f64],
-        kind: &Kind,
-    ) -> Result<[f64; N], FileError> {
-        let array = <[f64; N]>::try_from(values).map_err(|_| {
-            let problem = format!("found {} numbers; {N} are allowed", values.len());
-            self.wrong(key, problem)
-        })?;
-        for value in array {
-            self.number(key, value, kind)?;
-        }
-        Ok(array)
-    }
-
     /// A direction, of length one.
     pub(super) fn unit(&self, key: &str, direction: &[f64]) -> Result<Vector3<f64>, FileError> {
-        Vector3::from(self.numbers(key, direction, &DIRECTION)?)
-            .try_normalize(f64::MIN_POSITIVE)
+        let three = <[f64; 3]>::try_from(direction).map_err(|_| {
+            let problem = format!("found {} numbers; 3 are allowed", direction.len());
+            self.wrong(key, problem)
+        })?;
+        for value in three {
+            self.number(key, value, &DIRECTION)?;
+        }
+        (Vector3::from(three).try_normalize(f64::MIN_POSITIVE))
             .ok_or_else(|| self.wrong(key, "found 0, 0, 0; a direction is needed"))
     }
 
-    /// A position, from mm to m.
-    pub(super) fn position(&self, key: &str, position: &[f64]) -> Result<Vector3<f64>, FileError> {
-        Ok(Vector3::from(self.numbers(key, position, &POSITION)?) * 1e-3)
-    }
-
-    /// The frame of the keys `position_mm` and `rpy_deg`.
-    pub(super) fn frame(
-        &self,
-        key: &str,
-        position_mm: &[f64],
-        rpy_deg: Option<&[f64]>,
-    ) -> Result<Isometry3<f64>, FileError> {
-        let position_m = self.position(&format!("{key}.position_mm"), position_mm)?;
-        let rpy_deg = rpy_deg.unwrap_or(&[0.0; 3]);
-        let rpy_deg: [f64; 3] = self.numbers(&format!("{key}.rpy_deg"), rpy_deg, &ANGLE)?;
-        Ok(frame(position_m, rpy_deg.map(f64::to_radians)))
-    }
-
-    /// An array of numbers of a kind, one for each joint.
+    /// An array of numbers, one for each joint.
     pub(super) fn one_per_joint<'a>(
         &self,
         key: &str,
         values: &'a [f64],
         joints: usize,
-        kind: &Kind,
     ) -> Result<&'a [f64], FileError> {
-        if values.len() != joints {
-            let found = values.len();
-            let problem = format!("found {found} numbers; the robot has {joints} joints");
-            return Err(self.wrong(key, problem));
+        if values.len() == joints {
+            return Ok(values);
         }
-        for &value in values {
-            self.number(key, value, kind)?;
-        }
-        Ok(values)
+        let found = values.len();
+        let problem = format!("found {found} numbers; the robot has {joints} joints");
+        Err(self.wrong(key, problem))
     }
 
-    /// Numbers of a kind, one for each commanded joint, in the places of `all` joints.
+    /// Numbers, one for each commanded joint, in the places of `all` joints.
     pub(super) fn one_per_command(
         &self,
         key: &str,
         values: &[f64],
-        kind: &Kind,
         chain: &SerialChain,
         mut all: Vec<f64>,
     ) -> Result<Vec<f64>, FileError> {
-        let given = self.one_per_joint(key, values, chain.commanded().count(), kind)?;
+        let given = self.one_per_joint(key, values, chain.commanded().count())?;
         for (joint, &value) in chain.commanded().zip(given) {
             all[joint] = value;
         }
@@ -218,6 +171,22 @@ impl Checker<'_> {
         }
         Ok(())
     }
+}
+
+/// An array that has three numbers.
+pub(super) fn vector(values: &[f64]) -> Vector3<f64> {
+    Vector3::from_iterator(values.iter().copied().chain(repeat(0.0)))
+}
+
+/// A position, from mm to m.
+pub(super) fn position_m(position_mm: &[f64]) -> Vector3<f64> {
+    vector(position_mm) * 1e-3
+}
+
+/// The frame of the keys `position_mm` and `rpy_deg`.
+pub(super) fn frame_of(position_mm: &[f64], rpy_deg: Option<&[f64]>) -> Isometry3<f64> {
+    let rpy_deg: [f64; 3] = rpy_deg.map(vector).unwrap_or_default().into();
+    frame(position_m(position_mm), rpy_deg.map(f64::to_radians))
 }
 
 /// A coordinate in mm or deg, in SI units.

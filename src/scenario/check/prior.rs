@@ -143,37 +143,23 @@ pub(super) fn sampled_about_earlier(
         }
         _ => true,
     });
-    let compliances = 0..belief.parameters.len();
-    let all: Vec<usize> = compliances.chain(others.iter().copied()).collect();
-    let precision = belief.precision();
-    let mut both = Prior {
-        mean: DVector::from_iterator(
-            all.len(),
-            (prior.mean.iter().copied()).chain(
-                others
-                    .iter()
-                    .map(|&place| extended.set().prior().mean[place] - parameters[place].nominal),
-            ),
-        ),
-        precision: precision.select_rows(&all).select_columns(&all),
+    let count = belief.parameters.len();
+    let all: Vec<usize> = (0..count).chain(others.iter().copied()).collect();
+    let earlier_others = (others.iter())
+        .map(|&place| extended.set().prior().mean[place] - parameters[place].nominal);
+    let mean = prior.mean.iter().copied().chain(earlier_others);
+    let both = Prior {
+        mean: DVector::from_iterator(all.len(), mean),
+        precision: (belief.precision().select_rows(&all)).select_columns(&all),
     };
-    let mut sizes = belief.sizes();
-    sizes = all.iter().map(|&place| sizes[place]).collect();
-    let mut spread = both.spread(&sizes);
-    if tells_compliances {
-        spread = spread
-            .rows(belief.parameters.len(), kept.len())
-            .into_owned();
-        both.mean = both
-            .mean
-            .rows(belief.parameters.len(), kept.len())
-            .into_owned();
-    }
+    let sizes = belief.sizes();
+    let sizes: Vec<f64> = all.iter().map(|&place| sizes[place]).collect();
+    let first = if tells_compliances { count } else { 0 };
     Some(EarlierValues {
         joints,
         kept,
-        mean: both.mean.as_slice().to_vec(),
-        spread,
+        mean: both.mean.as_slice()[first..].to_vec(),
+        spread: (both.spread(&sizes).rows(first, all.len() - first)).into_owned(),
     })
 }
 

@@ -1,22 +1,16 @@
 //! The table `[region]`: where experiments are possible.
 
-use super::Checker;
+use super::ArmChecker;
 use super::number::in_si;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_LISTED;
-use crate::quantities::plausible::{
-    ANGLE, ANGLE_WIDTH, CLEARANCE, ELEVATION, POSITION, TORQUE_LIMIT,
-};
-use crate::robot::{Commands, Joint, SerialChain};
-use crate::scenario::file::{ForbiddenTable, RegionTable};
+use crate::robot::Joint;
+use crate::scenario::file::ForbiddenTable;
 use crate::task::{Forbidden, Region};
 
-impl Checker<'_> {
-    pub(super) fn region(
-        &self,
-        table: &RegionTable,
-        chain: &SerialChain,
-    ) -> Result<Region, FileError> {
+impl ArmChecker<'_> {
+    pub(super) fn region(&self) -> Result<Region, FileError> {
+        let (table, chain) = (&self.file.region, self.chain);
         let mut joint_range_rad: Vec<_> =
             chain.joints.iter().map(|joint| joint.range_rad).collect();
         for (unit, ranges) in [
@@ -32,26 +26,19 @@ impl Checker<'_> {
         }
         let joint_torque_max_nm = (table.joint_torque_max_nm.as_deref()).map(|values| {
             let all = vec![f64::INFINITY; chain.len()];
-            let key = "region.joint_torque_max_nm";
-            self.one_per_command(key, values, &TORQUE_LIMIT, chain, all)
+            self.one_per_command("region.joint_torque_max_nm", values, chain, all)
         });
         let height_mm = [table.tool_height_min_mm, table.tool_height_max_mm];
         let radius_mm = [table.tool_radius_min_mm, table.tool_radius_max_mm];
-        let elevation_deg = table.tool_elevation_max_deg;
-        let clearance_mm = table.collision_clearance_mm;
         Ok(Region {
             joint_range_rad,
-            tool_height_m: self.lengths("region.tool_height", height_mm, &POSITION)?,
-            tool_radius_m: self.lengths("region.tool_radius", radius_mm, &POSITION)?,
-            tool_elevation_max_rad: self
-                .optional("region.tool_elevation_max_deg", elevation_deg, &ELEVATION)?
-                .map(f64::to_radians),
+            tool_height_m: self.lengths("region.tool_height", height_mm)?,
+            tool_radius_m: self.lengths("region.tool_radius", radius_mm)?,
+            tool_elevation_max_rad: table.tool_elevation_max_deg.map(f64::to_radians),
             joint_torque_max_nm: joint_torque_max_nm.transpose()?,
-            collision_clearance_m: self
-                .optional("region.collision_clearance_mm", clearance_mm, &CLEARANCE)?
-                .map(|mm| mm * 1e-3),
+            collision_clearance_m: table.collision_clearance_mm.map(|mm| mm * 1e-3),
             line_of_sight: table.line_of_sight,
-            forbidden: self.forbidden(&table.forbidden, &Commands::from(chain))?,
+            forbidden: self.forbidden(&table.forbidden)?,
         })
     }
 
@@ -68,7 +55,7 @@ impl Checker<'_> {
         }
         self.check_unit(key, &joint.name, slides, unit, "deg")?;
         let [low, high] = joint.range_rad.map(|end| joint.drive.shown(end).0);
-        let [from, to] = self.numbers(key, range, &ANGLE)?;
+        let [from, to] = <[f64; 2]>::try_from(range).unwrap_or_default();
         if from > to || from < low - 1e-9 || to > high + 1e-9 {
             let problem =
                 format!("found {from} to {to}; a range within {low:.4} to {high:.4} is allowed");
@@ -77,19 +64,13 @@ impl Checker<'_> {
         Ok([from, to].map(|end| in_si(unit, end)))
     }
 
-    fn forbidden(
-        &self,
-        tables: &[ForbiddenTable],
-        commands: &Commands,
-    ) -> Result<Vec<Forbidden>, FileError> {
+    fn forbidden(&self, tables: &[ForbiddenTable]) -> Result<Vec<Forbidden>, FileError> {
         self.each("region.forbidden", MOST_LISTED, tables, |key, table| {
             let q_key = format!("{key}.q_deg");
-            let q_deg = self.one_per_joint(&q_key, &table.q_deg, commands.len(), &ANGLE)?;
-            let within_key = format!("{key}.within_deg");
-            let within = self.number(&within_key, table.within_deg, &ANGLE_WIDTH)?;
+            let q_deg = self.one_per_joint(&q_key, &table.q_deg, self.commands.len())?;
             Ok(Forbidden {
-                configuration_rad: commands.configuration(q_deg),
-                within_rad: within.to_radians(),
+                configuration_rad: self.commands.configuration(q_deg),
+                within_rad: table.within_deg.to_radians(),
             })
         })
     }

@@ -149,10 +149,10 @@ impl Checker<'_> {
         own: Vec<f64>,
     ) -> Result<Vec<f64>, FileError> {
         if values.len() == chain.len() {
-            let all = self.one_per_joint(key, values, chain.len(), &COMPLIANCE)?;
+            let all = self.one_per_joint(key, values, chain.len())?;
             return Ok(all.to_vec());
         }
-        self.one_per_command(key, values, &COMPLIANCE, chain, own)
+        self.one_per_command(key, values, chain, own)
     }
 
     /// The joints whose compliances are to be found, in ascending order, and the names of what else is; where the accuracy is absolute

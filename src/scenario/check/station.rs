@@ -3,11 +3,11 @@
 use nalgebra::{Point3, Vector3};
 
 use super::Checker;
+use super::number::position_m;
 use crate::files::FileError;
 use crate::mujoco::{Model, Shape, State};
 use crate::observation::LengthKind;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::{INCIDENCE, SIZE};
 use crate::scenario::file::{File, StationTable};
 use crate::task::{AccuracyKind, Instrument, Station};
 
@@ -31,20 +31,18 @@ impl Checker<'_> {
         }
         let stations = self.each("station", MOST_NAMED, &file.station, |key, table| {
             let position = format!("{key}.position_mm");
-            let position_m = self.position(&position, &table.position_mm)?;
+            let position_m = position_m(&table.position_mm);
             if let Some(around) = what_is_around(model, instrument.tracker_site, &position_m) {
                 let problem = format!("the place is inside {around}");
                 return Err(self.wrong(&position, problem));
             }
             let range_mm = [table.range_min_mm, table.range_max_mm];
-            let incidence = format!("{key}.incidence_max_deg");
-            let incidence_deg = self.optional(&incidence, table.incidence_max_deg, &INCIDENCE)?;
             Ok(Station {
                 name: table.name.clone(),
                 reads: self.length_from(key, table, instrument)?,
                 position_m,
-                range_m: self.lengths(&format!("{key}.range"), range_mm, &SIZE)?,
-                incidence_max_rad: incidence_deg.map(f64::to_radians),
+                range_m: self.lengths(&format!("{key}.range"), range_mm)?,
+                incidence_max_rad: table.incidence_max_deg.map(f64::to_radians),
             })
         })?;
         for kind in LengthKind::ALL {

@@ -2,17 +2,15 @@
 
 use std::path::Path;
 
-use super::Checker;
+use super::ArmChecker;
 use crate::experiment::{Candidate, read_candidates};
 use crate::files::FileError;
 use crate::plan::search::SearchError;
 use crate::plan::{Criterion, Plan};
 use crate::quantities::limits::{MOST_CONDITIONS, MOST_EXPERIMENTS, MOST_STUDIED, MOST_TRIALS};
-use crate::quantities::plausible::{DEVIATION, FACTOR, Kind, SPREAD};
-use crate::robot::Commands;
+use crate::quantities::plausible::SPREAD;
 use crate::scenario::PlanFile;
-use crate::scenario::file::{Spread, StudyPlanTable, StudyTable, SweepTable};
-use crate::scenario::instrument_file::SigmaOf;
+use crate::scenario::file::{Spread, StudyPlanTable, SweepTable};
 use crate::study::{Conditions, StudyPlan, StudySettings, StudySource};
 use crate::task::{AccuracyKind, Design};
 use crate::text::wording::joined;
@@ -25,20 +23,17 @@ const DEFAULT_ROBOTS: u64 = 2_000;
 /// What the rest of the scenario says that the study depends on.
 pub(super) struct Context<'a> {
     pub sigma_m: f64,
-    pub sigma_of: SigmaOf,
     pub design: &'a Design,
     pub plans: &'a [PlanFile],
     pub parameters: usize,
-    pub commands: &'a Commands,
+    /// Those under which plans are compared; none yet where they are not read.
+    pub conditions: Vec<Conditions>,
 }
 
-impl Checker<'_> {
-    pub(super) fn study(
-        &self,
-        table: &StudyTable,
-        context: &Context<'_>,
-    ) -> Result<StudySettings, FileError> {
-        let usual = if is_absolute(context) {
+impl ArmChecker<'_> {
+    pub(super) fn study(&self, mut context: Context<'_>) -> Result<StudySettings, FileError> {
+        let table = &self.file.study;
+        let usual = if self.is_absolute() {
             DEFAULT_ROBOTS
         } else {
             DEFAULT_TRIALS
@@ -51,38 +46,43 @@ impl Checker<'_> {
             load_scale: 1.0,
         };
         if table.experiments.is_some() {
-            self.enough("study.experiments", base.experiments, context)?;
+            self.enough("study.experiments", base.experiments, &context)?;
         }
-        let conditions = self.conditions(&table.sweep, base, context)?;
+        context.conditions = self.conditions(&table.sweep, base, &context)?;
         let plans = match &table.plan {
-            None => self.default_plans(&conditions, context)?,
+            None => self.default_plans(&context)?,
             Some(tables) if tables.is_empty() => {
                 let problem = "is empty; leave the key out for the default plans";
                 return Err(self.wrong("study.plan", problem));
             }
             Some(tables) => {
-                self.at_most("study.plan", tables.len(), MOST_STUDIED / conditions.len())?;
-                self.study_plans(tables, &conditions, context)?
+                self.at_most(
+                    "study.plan",
+                    tables.len(),
+                    MOST_STUDIED / context.conditions.len(),
+                )?;
+                self.study_plans(tables, &context)?
             }
         };
         Ok(StudySettings {
             trials,
             level: table.level,
-            conditions,
+            conditions: context.conditions,
             plans,
         })
     }
 
-    pub(super) fn spread(&self, spread: &Spread, joints: usize) -> Result<Vec<f64>, FileError> {
-        let key = "study.compliance_spread";
-        match spread {
-            Spread::All(value) => self
-                .number(key, *value, &SPREAD)
-                .map(|value| vec![value; joints]),
-            Spread::Each(values) => self
-                .one_per_joint(key, values, joints, &SPREAD)
-                .map(<[f64]>::to_vec),
+    /// The standard deviation of each compliance's logarithm.
+    pub(super) fn spread(&self) -> Result<Vec<f64>, FileError> {
+        let (key, joints) = ("study.compliance_spread", self.chain.len());
+        match &self.file.study.compliance_spread {
+            Spread::All(value) => Ok(vec![*value; joints]),
+            Spread::Each(values) => self.one_per_joint(key, values, joints).map(<[f64]>::to_vec),
         }
+        .and_then(|all| {
+            let each = all.iter().map(|&value| self.number(key, value, &SPREAD));
+            each.collect()
+        })
         .map_err(|error| error.hint("0.1 lets the compliances vary by about 10 %"))
     }
 
@@ -93,11 +93,9 @@ impl Checker<'_> {
         base: Conditions,
         context: &Context<'_>,
     ) -> Result<Vec<Conditions>, FileError> {
-        let number = |kind: Kind, unit: f64| {
-            move |key: &str, &value: &f64| Ok(self.number(key, value, &kind)? * unit)
-        };
+        let times = |unit: f64| move |_: &str, &value: &f64| Ok(value * unit);
         let enough = |key: &str, &m: &u32| self.enough(key, m, context).map(|()| m);
-        let mm = 1e-3 * context.sigma_of.deflection_factor();
+        let mm = 1e-3 * self.file.instrument.sigma_of.deflection_factor();
         let (counts, sigmas) = (table.experiments.as_ref(), table.sigma_mm.as_ref());
         let scales = table.load_scale.as_ref();
         let numbers = [
@@ -108,8 +106,8 @@ impl Checker<'_> {
         let combinations = (numbers.into_iter().flatten()).fold(1, usize::saturating_mul);
         self.at_most("study.sweep", combinations, MOST_CONDITIONS)?;
         let counts = self.swept("experiments", counts, base.experiments, enough)?;
-        let scales = self.swept("load_scale", scales, base.load_scale, number(FACTOR, 1.0))?;
-        let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, number(DEVIATION, mm))?;
+        let scales = self.swept("load_scale", scales, base.load_scale, times(1.0))?;
+        let sigmas_m = self.swept("sigma_mm", sigmas, base.sigma_m, times(mm))?;
         let mut all = Vec::with_capacity(combinations);
         for &experiments in &counts {
             for &load_scale in &scales {
@@ -148,21 +146,17 @@ impl Checker<'_> {
     }
 
     fn enough(&self, key: &str, experiments: u32, context: &Context<'_>) -> Result<(), FileError> {
-        let fewest = context.commands.reads_along.fewest(context.parameters);
+        let fewest = self.commands.reads_along.fewest(context.parameters);
         self.count(key, experiments, fewest..=MOST_EXPERIMENTS)
             .map(drop)
     }
 
     /// The scenario's plans that whole repetitions fill up, an optimal plan, and random ones.
-    fn default_plans(
-        &self,
-        conditions: &[Conditions],
-        context: &Context<'_>,
-    ) -> Result<Vec<StudyPlan>, FileError> {
+    fn default_plans(&self, context: &Context<'_>) -> Result<Vec<StudyPlan>, FileError> {
+        let conditions = &context.conditions;
         let mut plans = Vec::new();
         for (index, file) in context.plans.iter().enumerate() {
-            let (plan, readings) =
-                self.study_file(&format!("plan[{index}].file"), &file.path, context)?;
+            let (plan, readings) = self.study_file(&format!("plan[{index}].file"), &file.path)?;
             if fits_any(plan.measurements(), conditions) {
                 plans.push(StudyPlan {
                     name: file.name.clone(),
@@ -179,7 +173,7 @@ impl Checker<'_> {
             noise_only: false,
         };
         // A plan of absolute readings takes long to be judged: one random plan stands for all.
-        let random = if is_absolute(context) {
+        let random = if self.is_absolute() {
             ("random", StudySource::Random)
         } else {
             ("random_each", StudySource::RandomEach)
@@ -196,7 +190,6 @@ impl Checker<'_> {
     fn study_plans(
         &self,
         tables: &[StudyPlanTable],
-        conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<Vec<StudyPlan>, FileError> {
         let names = tables.iter().map(StudyPlanTable::name);
@@ -204,10 +197,10 @@ impl Checker<'_> {
         let plans = self.each("study.plan", MOST_STUDIED, tables, |key, table| {
             Ok(StudyPlan {
                 name: table.name().clone(),
-                source: self.study_source(key, table, conditions, context)?,
+                source: self.study_source(key, table, context)?,
             })
         })?;
-        for each in conditions {
+        for each in &context.conditions {
             if !plans.iter().any(|plan| plan.source.fits(each.experiments)) {
                 let problem = format!("found none for {} measurements", each.experiments);
                 return Err(self.wrong("study.plan", problem));
@@ -217,17 +210,12 @@ impl Checker<'_> {
     }
 
     /// A plan's file; of absolute readings with what is read from where.
-    fn study_file(
-        &self,
-        key: &str,
-        path: &Path,
-        context: &Context<'_>,
-    ) -> Result<(Plan, Vec<Candidate>), FileError> {
-        if !is_absolute(context) {
-            let plan = self.plan(key, path, context.commands)?;
+    fn study_file(&self, key: &str, path: &Path) -> Result<(Plan, Vec<Candidate>), FileError> {
+        if !self.is_absolute() {
+            let plan = self.plan(key, path)?;
             return Ok((plan, Vec::new()));
         }
-        let rows = read_candidates(path, context.commands.clone());
+        let rows = read_candidates(path, self.commands.clone());
         let rows = rows.map_err(|error| self.named_file(key, error))?;
         self.inputs.borrow_mut().add(path)?;
         let experiments = rows.iter();
@@ -242,7 +230,6 @@ impl Checker<'_> {
         &self,
         key: &str,
         table: &StudyPlanTable,
-        conditions: &[Conditions],
         context: &Context<'_>,
     ) -> Result<StudySource, FileError> {
         Ok(match table {
@@ -250,8 +237,8 @@ impl Checker<'_> {
             StudyPlanTable::RandomEach { .. } => StudySource::RandomEach,
             StudyPlanTable::File { file, .. } => {
                 let key = format!("{key}.file");
-                let (plan, readings) = self.study_file(&key, &self.resolve(file), context)?;
-                self.divides(&key, plan.measurements(), conditions)?;
+                let (plan, readings) = self.study_file(&key, &self.resolve(file))?;
+                self.divides(&key, plan.measurements(), &context.conditions)?;
                 StudySource::File { plan, readings }
             }
             StudyPlanTable::Optimal {
@@ -269,9 +256,9 @@ impl Checker<'_> {
                 let experiments_key = format!("{key}.experiments");
                 if let Some(experiments) = *experiments {
                     self.enough(&experiments_key, experiments, context)?;
-                    self.divides(&experiments_key, experiments, conditions)?;
+                    self.divides(&experiments_key, experiments, &context.conditions)?;
                 }
-                let fewest_studied = conditions.iter().map(|each| each.experiments).min();
+                let fewest_studied = context.conditions.iter().map(|each| each.experiments).min();
                 let fewest = experiments.or(fewest_studied).unwrap_or(0);
                 let mandatory = context.design.mandatory.measurements();
                 if fewest < mandatory {
@@ -297,6 +284,10 @@ impl Checker<'_> {
         })
     }
 
+    fn is_absolute(&self) -> bool {
+        self.file.design.accuracy == AccuracyKind::Absolute
+    }
+
     fn divides(
         &self,
         key: &str,
@@ -312,10 +303,6 @@ impl Checker<'_> {
         );
         Err(self.wrong(key, problem))
     }
-}
-
-fn is_absolute(context: &Context<'_>) -> bool {
-    context.design.accuracy == AccuracyKind::Absolute
 }
 
 fn fits_any(measurements: u32, conditions: &[Conditions]) -> bool {

@@ -2,38 +2,34 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Checker;
+use super::{ArmChecker, Checker};
 use crate::compensation::test_pose_rows;
 use crate::files::FileError;
 use crate::quantities::limits::MOST_NAMED;
-use crate::quantities::plausible::WEIGHT;
-use crate::robot::{Commands, Load, SerialChain, Tool};
+use crate::robot::{Load, Tool};
 use crate::scenario::file::TestPoseTable;
 use crate::task::{Belief, TestPose};
 
 /// Of what bends the tool, less than this share along a direction is rounding.
 const NOTHING: f64 = 1e-9;
 
-impl Checker<'_> {
-    pub(super) fn test_poses(
-        &self,
-        tables: &[TestPoseTable],
-        chain: &SerialChain,
-        machining_tool: &Tool,
-    ) -> Result<Vec<TestPose>, FileError> {
+impl ArmChecker<'_> {
+    pub(super) fn test_poses(&self, machining_tool: &Tool) -> Result<Vec<TestPose>, FileError> {
+        let tables = &self.file.test_pose;
         if tables.is_empty() {
             return Err(self.wrong("test_pose", "is empty; at least one test pose is needed"));
         }
         self.at_most("test_pose", tables.len(), MOST_NAMED)?;
-        let commands = Commands::from(chain);
         let mut poses = Vec::new();
         for (index, table) in tables.iter().enumerate() {
             let key = format!("test_pose[{index}]");
             let q_key = format!("{key}.q_deg");
-            let configuration_rad = self.configuration(&q_key, &table.q_deg, chain, &commands)?;
-            let state = chain.at(machining_tool).state(configuration_rad.as_slice());
+            let configuration_rad = self.configuration(&q_key, &table.q_deg)?;
+            let state = self
+                .chain
+                .at(machining_tool)
+                .state(configuration_rad.as_slice());
             let axes = &state.tool_rotation;
-            let weight = table.weight.unwrap_or(1.0);
             let unnamed = || format!("test pose {}", index + 1);
             let name = table.name.clone().unwrap_or_else(unnamed);
             if poses.iter().any(|pose: &TestPose| pose.name == name) {
@@ -46,7 +42,7 @@ impl Checker<'_> {
                     .then_some(*axes),
                 direction: self.direction(&key, table, axes)?,
                 configuration_rad,
-                weight: self.number(&format!("{key}.weight"), weight, &WEIGHT)?,
+                weight: table.weight.unwrap_or(1.0),
             });
         }
         let total: f64 = poses.iter().map(|pose| pose.weight).sum();
@@ -55,7 +51,9 @@ impl Checker<'_> {
         }
         Ok(poses)
     }
+}
 
+impl Checker<'_> {
     /// Without a load there is nothing to compensate. One in the tool's frame turns with it; `axes` are the tool's.
     fn test_load(
         &self,
@@ -70,7 +68,7 @@ impl Checker<'_> {
         ];
         let is_given = |load: [Option<&[f64]>; 2]| load.iter().any(Option::is_some);
         if !is_given(in_tool) {
-            let load = self.load(key, ["force_n", "torque_nm"], in_world);
+            let load = self.load(key, "force_n", in_world);
             return load.map_err(|error| match error.place.as_deref() {
                 Some(place) if place == key => {
                     error.hint("give the forces of the process that the robot must withstand there")
@@ -85,7 +83,7 @@ impl Checker<'_> {
                  tool's",
             ));
         }
-        let load = self.load(key, ["tool_force_n", "tool_torque_nm"], in_tool)?;
+        let load = self.load(key, "tool_force_n", in_tool)?;
         Ok(load.turned(axes))
     }
 

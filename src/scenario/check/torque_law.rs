@@ -4,7 +4,6 @@ use super::Checker;
 use super::number::names_of;
 use crate::files::FileError;
 use crate::mujoco::TorqueLaw;
-use crate::quantities::plausible::{DEVIATION, ROTATION_DEVIATION};
 use crate::robot::SerialChain;
 use crate::scenario::file::TorqueLawTable;
 
@@ -39,11 +38,7 @@ impl Checker<'_> {
                     let problem = format!("{name} is rigid: it does not give");
                     return Err(self.wrong(&joints, problem));
                 }
-                let (kind, own) = if drive.slides {
-                    (&DEVIATION, "mm")
-                } else {
-                    (&ROTATION_DEVIATION, "mrad")
-                };
+                let own = if drive.slides { "mm" } else { "mrad" };
                 let given = [
                     ("stiffens_at", "mrad", table.stiffens_at_mrad),
                     ("stiffens_at", "mm", table.stiffens_at_mm),
@@ -59,8 +54,7 @@ impl Checker<'_> {
                         return Err(self.wrong(&key, "a joint either stiffens or softens"));
                     }
                     let share = if of == "stiffens_at" { 1.0 } else { -1.0 };
-                    let at = self.number(&key, value, kind)? * 1e-3;
-                    let at = Some(at);
+                    let at = Some(value * 1e-3);
                     law = Some((joint, TorqueLaw { share, at }));
                 }
                 laws.push(law.ok_or_else(|| {

@@ -7,7 +7,6 @@ use super::error_source::UncertaintyEntry;
 use crate::files::FileError;
 use crate::numeric::markov::Kernel;
 use crate::parameter::{GearWave, ParameterKind, ReadingSource, Source, TransmissionError};
-use crate::quantities::plausible::{ANGLE_WIDTH, SIZE};
 
 /// More waves are no list of what a gear has ...
 const MOST_WAVES: usize = 20;
@@ -29,33 +28,29 @@ impl UncertaintyEntry<'_> {
             return self.waves(harmonics, &joints);
         }
         let slides = self.gives("correlation_mm");
-        let (key, given, allowed, unit) = if slides {
-            ("correlation_mm", table.correlation_mm, &SIZE, 1e-3)
+        let (length, unit, size) = if slides {
+            (table.correlation_mm, 1e-3, "std_mm")
         } else {
-            let unit = 1_f64.to_radians();
-            ("correlation_deg", table.correlation_deg, &ANGLE_WIDTH, unit)
+            (table.correlation_deg, 1_f64.to_radians(), "std_mrad")
         };
-        let length = self.checker.optional(&self.path(key), given, allowed)?;
-        let correlation = table.correlation.unwrap_or_default();
-        let kernel = length.map(|length| Kernel {
-            correlation,
-            length: length * unit,
-            period: None,
-        });
-        let deviations = if kernel.is_some() {
-            let size = if slides { "std_mm" } else { "std_mrad" };
+        let error = if let Some(length) = length {
             let mut deviations = vec![0.0; self.belief.nominal.chain.len()];
             for joint in self.joints_with_functions(slides)? {
                 deviations[joint] = self.size(size)?;
             }
-            deviations
+            let kernel = Some(Kernel {
+                correlation: table.correlation.unwrap_or_default(),
+                length: length * unit,
+                period: None,
+            });
+            TransmissionError { deviations, kernel }
         } else if table.correlation.is_some() {
             let problem = "only a transmission_error with correlation_deg or correlation_mm has a correlation";
             return Err(self.wrong("correlation", problem));
         } else {
-            self.all_sizes()?
+            let (deviations, kernel) = (self.all_sizes()?, None);
+            TransmissionError { deviations, kernel }
         };
-        let error = TransmissionError { deviations, kernel };
         Ok(Source::Reading(ReadingSource::TransmissionError(error)))
     }
 

@@ -126,7 +126,7 @@ fn one_law(
             let wrong = entry.wrong("joints", problem);
             return Err(wrong.hint("a joint has one law: leave it out of one of the two"));
         }
-        let torque = entry.torque(key)?;
+        let torque = entry.torque(key);
         match torques.iter().find(|(other, _)| *other == kind) {
             Some((_, known)) if *known != torque => {
                 let of = entry.table.kind.name();

@@ -48,7 +48,8 @@ pub fn draft(
     let tools = Tools::of(&arm)?;
     let tried = tried(&arm, &tools.calibration);
     let named = named_from(model_path, scenario_path);
-    let (text, found) = written::scenario(&arm, &tools, &tried, &named);
+    let (text, found) = written::scenario(&arm, &tools, &tried, &named)
+        .map_err(|error| FileError::new(scenario_path, error.to_string()))?;
     let scenario = Scenario::check(scenario_path, &text)?;
     Ok(Draft {
         text,

@@ -1,8 +1,8 @@
 //! The scenario as a commented TOML file.
 
-use std::fmt::Write as _;
-
+use minijinja::{Environment, Error, UndefinedBehavior};
 use nalgebra::Vector3;
+use serde_json::{Value, json};
 
 use super::SCHEMA_FILE;
 use super::arm::FoundArm;
@@ -22,75 +22,102 @@ const LOAD_SHARE: f64 = 0.2;
 const LOAD_N: f64 = 50.0;
 /// Where fewer configurations are free, what collides is a flaw of the model.
 const FREE: f64 = 0.05;
-/// Compliances that a model has may be wrong by this share ...
-const MODEL_SHARE: f64 = 0.3;
-/// ... and those that are guessed by this.
-const GUESSED_SHARE: f64 = 1.0;
-/// What mastering leaves of a joint's zero (mrad) ...
-const ZERO_MRAD: f64 = 0.2;
-/// ... and machining of a link (mm), of each coordinate.
-const LINK_MM: f64 = 0.3;
-/// Joint error functions of a real robot: their standard deviation (mrad) and correlation length (deg).
-const FUNCTION_MRAD: f64 = 0.45;
-const FUNCTION_DEG: f64 = 3.5;
 /// As few measurements as a first plan has.
 const LEAST_MEASUREMENTS: usize = 4;
 
-/// Where a joint's stiffness comes from.
-enum Stiffness {
-    Model,
-    Guessed(Vec<f64>, String),
+/// Compliances that are guessed, in the order of the joints, and why.
+struct Guessed {
+    values_rad_per_nm: Vec<f64>,
+    reason: String,
 }
 
 /// Writes the scenario, with what was found on the way, in sentences.
+///
+/// # Errors
+/// None that the tests have seen: the template asks for what is not there.
 pub(super) fn scenario(
     arm: &FoundArm,
     tools: &Tools,
     tried: &Tried,
     model: &str,
-) -> (String, Vec<String>) {
+) -> Result<(String, Vec<String>), Error> {
     let load_n = load_n(arm);
-    let stiffness = stiffness(arm, tried, load_n);
+    let guessed = guessed(arm, tried, load_n);
     let mut found = found(arm, tools, tried);
-    if let Stiffness::Guessed(_, reason) = &stiffness {
+    if let Some(Guessed { reason, .. }) = &guessed {
         found.push(format!("The compliances are guesses: {reason}."));
     }
-    let description = quoted(&format!("A first scenario for {model}"));
-    let mut text = format!(
-        "#:schema {SCHEMA_FILE}\n\
-         # A first scenario, made by `elastocal init`. Lines that say GUESS need your numbers.\n\
-         description = {description}\nseed = 1\n\n[robot]\nmodel = {}\n",
-        quoted(model)
-    );
-    text += &robot(arm, tools, &stiffness);
-    text += "\n[instrument]\n\
-             # GUESS: the standard deviation of each coordinate of a laser tracker's reading.\n\
-             sigma_mm = 0.03\nsigma_of = \"position\"\n";
-    text += &priors(arm, &stiffness);
-    let pose = Commands::from(&arm.chain).numbers(&tried.best);
+    let shown = shown(arm, tools, tried, (load_n, guessed.as_ref()), model);
+    let mut templates = Environment::new();
+    templates.set_undefined_behavior(UndefinedBehavior::Strict);
+    templates.set_trim_blocks(true);
+    templates.set_keep_trailing_newline(true);
+    let text = templates.render_str(include_str!("scenario.toml"), shown)?;
+    Ok((text, found))
+}
+
+/// What the template shows, texts and numbers as TOML has them.
+fn shown(
+    arm: &FoundArm,
+    tools: &Tools,
+    tried: &Tried,
+    (load_n, guessed): (f64, Option<&Guessed>),
+    model: &str,
+) -> Value {
+    let chain = &arm.chain;
+    let commanded = || chain.commanded().map(|joint| &chain.joints[joint]);
+    let names = |joints: &mut dyn Iterator<Item = &Joint>| {
+        let names: Vec<String> = joints.map(|joint| quoted(&joint.name)).collect();
+        names.join(", ")
+    };
+    let locked = [(false, "locked_deg"), (true, "locked_mm")].map(|(slides, key)| {
+        let of_kind = arm.locked.iter().filter(|each| each.2 == slides);
+        let written = of_kind.map(|(name, value, _)| {
+            let shown = if slides {
+                value * 1e3
+            } else {
+                value.to_degrees()
+            };
+            format!("{} = {}", quoted(name), short(shown))
+        });
+        (key, written.collect::<Vec<_>>().join(", "))
+    });
+    let mounted = tools.mounted.iter().map(|tool| {
+        let position_mm = list((tool.position_m * 1e3).iter().copied());
+        json!({ "name": quoted(tool.name), "on": quoted(&tool.on), "position_mm": position_mm })
+    });
+    let guessed = guessed.map(|guessed| {
+        let values = guessed.values_rad_per_nm.iter();
+        let values: Vec<String> = values.map(|value| format!("{value:e}")).collect();
+        json!({ "values": values.join(", "), "reason": guessed.reason })
+    });
+    let free = tried.free.as_ref().map(|(share, touching)| {
+        let touching = touching.each_ref().map(|name| one_line(name));
+        json!({
+            "touching": (*share < FREE).then_some(touching),
+            "clearance_mm": short(CLEARANCE_M * 1e3),
+        })
+    });
     let task_n = round_down(load_n / 2.0);
-    let _ = write!(
-        text,
-        "\n# GUESS: where the robot must be accurate, and the force that acts on it there.\n\
-         [[test_pose]]\nname = \"task\"\nq_deg = [{}]\nforce_n = [0, {}, {}]\n",
-        list(pose),
-        short(task_n),
-        short(-task_n)
-    );
-    text += "\n# GUESS: loads of the laboratory, at the calibration tool: a weight, and the same pulled sideways.\n\
-             [load]\nkind = \"list\"\nwrenches = [\n";
-    for force in weight_and_sideways(&arm.chain.gravity_m_s2, load_n) {
-        let _ = writeln!(text, "  {{ force_n = [{}] }},", list(force.iter().copied()));
-    }
-    text += "]\n";
-    let wanted = arm.chain.joints.len().max(LEAST_MEASUREMENTS);
-    let _ = write!(
-        text,
-        "\n[region]\n# tool_height_min_mm = 200\n# joint_torque_max_nm = [...]\n{}\n\n\
-         [design]\n# Measurements of the plan, repeats counted.\nexperiments = {wanted}\n",
-        region(tried)
-    );
-    (text, found)
+    let loads = weight_and_sideways(&chain.gravity_m_s2, load_n);
+    json!({
+        "schema": SCHEMA_FILE,
+        "description": quoted(&format!("A first scenario for {model}")),
+        "model": quoted(model),
+        "sites": one_line(&tools.known.join(", ")),
+        "tools": tools.sites.each_ref().map(|site| quoted(site)),
+        "joints": names(&mut commanded()),
+        "turning": names(&mut commanded().filter(|joint| !joint.drive.slides)),
+        "actuators_ignored": arm.actuators_ignored.as_deref().map(one_line),
+        "guessed": guessed,
+        "locked": locked,
+        "mounted": mounted.collect::<Vec<_>>(),
+        "q_deg": list(Commands::from(chain).numbers(&tried.best)),
+        "force_n": list([0.0, task_n, -task_n]),
+        "loads": loads.map(|force_n| list(force_n.iter().copied())),
+        "free": free,
+        "experiments": chain.len().max(LEAST_MEASUREMENTS),
+    })
 }
 
 /// A force along that axis of the world that gravity is nearest to, down z without any, and along the two others.
@@ -104,131 +131,13 @@ fn weight_and_sideways(gravity_m_s2: &Vector3<f64>, force_n: f64) -> [Vector3<f6
     [Vector3::ith(down, sign * force_n), sideways(1), sideways(2)]
 }
 
-/// The rest of the table `[robot]`.
-fn robot(arm: &FoundArm, tools: &Tools, stiffness: &Stiffness) -> String {
-    let mut text = String::new();
-    let mut line = |written: String| {
-        let _ = writeln!(text, "{written}");
-    };
-    if !tools.known.is_empty() {
-        let known = one_line(&tools.known.join(", "));
-        line(format!("# Sites that the whole arm moves: {known}."));
-    }
-    line(format!("calibration_site = {}", quoted(&tools.sites[0])));
-    line(format!("machining_site = {}", quoted(&tools.sites[1])));
-    let chain = &arm.chain;
-    let names = (chain.commanded()).map(|joint| quoted(&chain.joints[joint].name));
-    let names: Vec<String> = names.collect();
-    line("# The joints whose compliances are to be found.".to_owned());
-    line(format!("parameters = [{}]", names.join(", ")));
-    if let Some(reason) = &arm.actuators_ignored {
-        let reason = one_line(reason);
-        line(format!("# The model's actuators do not count: {reason}."));
-        line("actuators = \"ignored\"".to_owned());
-    }
-    if let Stiffness::Guessed(values, reason) = stiffness {
-        line(format!(
-            "# GUESS: one over each joint's stiffness [rad/(N m); slides m/N]: {reason}."
-        ));
-        let values: Vec<String> = values.iter().map(|value| format!("{value:e}")).collect();
-        line(format!("compliance_rad_per_nm = [{}]", values.join(", ")));
-    }
-    for (slides, key) in [(false, "locked_deg"), (true, "locked_mm")] {
-        let of_kind = arm.locked.iter().filter(|each| each.2 == slides);
-        let locked: Vec<String> = of_kind
-            .map(|(name, value, _)| {
-                let shown = if slides {
-                    value * 1e3
-                } else {
-                    value.to_degrees()
-                };
-                format!("{} = {}", quoted(name), short(shown))
-            })
-            .collect();
-        if !locked.is_empty() {
-            line("# Joints beside the arm do not move.".to_owned());
-            line(format!("{key} = {{ {} }}", locked.join(", ")));
-        }
-    }
-    for tool in &tools.mounted {
-        line(format!(
-            "\n# GUESS: where the tool is, in the frame of what carries it.\n[[robot.tool]]\nname = {}\non = {}\nposition_mm = [{}]",
-            quoted(tool.name),
-            quoted(&tool.on),
-            list((tool.position_m * 1e3).iter().copied())
-        ));
-    }
-    text
-}
-
-/// What is known of compliances and geometry before any measurement, so that weak ones stay near what the model says.
-fn priors(arm: &FoundArm, stiffness: &Stiffness) -> String {
-    let joints = &arm.chain.joints;
-    let named = |is_meant: &dyn Fn(usize) -> bool| {
-        let names = arm.chain.commanded().filter(|&joint| is_meant(joint));
-        let names: Vec<String> = names.map(|joint| quoted(&joints[joint].name)).collect();
-        (!names.is_empty()).then(|| names.join(", "))
-    };
-    let (share, why) = match stiffness {
-        Stiffness::Model => (MODEL_SHARE, "the model's stiffnesses"),
-        Stiffness::Guessed(..) => (GUESSED_SHARE, "the compliances above"),
-    };
-    let turns = |joint: usize| !joints[joint].drive.slides;
-    let priors = [
-        (
-            format!("how much {why} may be wrong by, as a share of each"),
-            "compliance",
-            named(&|_| true),
-            format!("std_relative = {share}"),
-        ),
-        (
-            "joint zeros after mastering".to_owned(),
-            "joint_zero",
-            named(&turns),
-            format!("std_mrad = {ZERO_MRAD}"),
-        ),
-        (
-            "links' lengths after machining".to_owned(),
-            "link_position",
-            named(&|_| true),
-            format!("std_mm = {LINK_MM}"),
-        ),
-    ];
-    let written = priors.into_iter().filter_map(|(what, kind, joints, size)| {
-        let joints = joints?;
-        Some(format!(
-            "\n# GUESS: {what}.\n[[uncertainty]]\nkind = \"{kind}\"\njoints = [{joints}]\n{size}\n"
-        ))
-    });
-    let functions = named(&turns).map(|joints| {
-        format!(
-            "\n# Joints' errors as functions of their angles show in absolute accuracy alone. As large as a UR10's, whose gears are harmonic\n# drives (docs/joint_functions.md):\n# [[uncertainty]]\n# kind = \"transmission_error\"\n# joints = [{joints}]\n# std_mrad = {FUNCTION_MRAD}\n# correlation_deg = {FUNCTION_DEG}\n# correlation = \"matern32\"\n"
-        )
-    });
-    written.chain(functions).collect()
-}
-
 fn list(values: impl IntoIterator<Item = f64>) -> String {
     let values: Vec<String> = values.into_iter().map(short).collect();
     values.join(", ")
 }
 
-/// The clearance, where the model's shapes leave any room.
-fn region(tried: &Tried) -> String {
-    let clearance = short(CLEARANCE_M * 1e3);
-    match &tried.free {
-        None => "# Nothing in the model collides.".to_owned(),
-        Some((share, _)) if *share >= FREE => format!("collision_clearance_mm = {clearance}"),
-        Some((_, [one, other])) => format!(
-            "# Left out, since {} and {} touch nearly everywhere: exclude them in the model.\n# collision_clearance_mm = {clearance}",
-            one_line(one),
-            one_line(other)
-        ),
-    }
-}
-
-/// The joints' stiffnesses: the model's, unless they are missing or a simulation's.
-fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
+/// The joints' compliances where the model's are missing or a simulation's.
+fn guessed(arm: &FoundArm, tried: &Tried, load_n: f64) -> Option<Guessed> {
     let joints = &arm.chain.joints;
     let own = |joint: &Joint| joint.model_compliance_rad_per_nm.unwrap_or_default();
     let has_none = |joint: &Joint| joint.model_compliance_rad_per_nm.is_none();
@@ -246,7 +155,7 @@ fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
             by.to_degrees()
         )
     } else {
-        return Stiffness::Model;
+        return None;
     };
     let guess = joints.iter().zip(&tried.most).map(|(joint, most)| {
         let torque = (most[0] + most[1] * load_n).max(f64::MIN_POSITIVE);
@@ -260,7 +169,10 @@ fn stiffness(arm: &FoundArm, tried: &Tried, load_n: f64) -> Stiffness {
             None => two_digits((turn / torque).clamp(1e-9, 5e-4)),
         }
     });
-    Stiffness::Guessed(guess.collect(), reason)
+    Some(Guessed {
+        values_rad_per_nm: guess.collect(),
+        reason,
+    })
 }
 
 /// A load that suits the robot (N), rounded.
