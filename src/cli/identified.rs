@@ -90,7 +90,7 @@ pub fn refuse_fitted(
     if 2 * same < all || may_repeat() {
         let name = path.display();
         return Ok(format!(
-            "{name}: {problem}, to the last digit; coarse ones may be by chance.\n"
+            "{name}: {problem}, to the last digit; coarse ones may be the same by chance.\n"
         ));
     }
     let wrong = FileError::new(path, problem).code(ErrorCode::Measurements);

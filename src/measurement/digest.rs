@@ -39,7 +39,8 @@ pub fn digests_of<R: Digested>(readings: &[R]) -> Vec<u64> {
         let angles_deg = configuration_rad.iter().map(|angle| angle.to_degrees());
         let mut hash = Sha256::new();
         for number in angles_deg.chain(read) {
-            hash.update(((number / ALIKE).round() as i64).to_le_bytes());
+            // No minus zero.
+            hash.update(((number / ALIKE).round() + 0.0).to_le_bytes());
         }
         let bytes = hash.finalize();
         (bytes.iter().take(BYTES)).fold(0, |sum, byte| sum << 8 | u64::from(*byte))
