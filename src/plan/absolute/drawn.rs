@@ -3,6 +3,7 @@
 //!
 //! What comes of it is evidence, and no proof: the region has more configurations than are looked at.
 
+use std::collections::BTreeSet;
 use std::iter::repeat_n;
 use std::path::Path;
 use std::sync::atomic::Ordering;
@@ -14,6 +15,7 @@ use rayon::prelude::*;
 
 use super::from_rows::merged;
 use super::lengths::in_range;
+use super::readable::from_stations;
 use super::{AbsolutePlan, AbsolutePlanning, CandidateError};
 use crate::experiment::Candidate;
 use crate::identification::ParameterGroup;
@@ -430,22 +432,24 @@ fn rows_at(task: &Task, q: &DVector<f64>, load: Load, line: usize) -> Vec<Candid
     rows
 }
 
-/// What may be read near test poses, under the load of some candidate.
+/// What may be read near test poses from the stations of candidates, under the load of one of them.
 fn near_test_poses(task: &Task, offered: &[Candidate], seed: u64) -> Vec<Candidate> {
     let loads = offered.iter().filter_map(|row| row.load);
     let load = loads.max_by(|one, other| one.force_n.norm().total_cmp(&other.force_n.norm()));
     let load = load.unwrap_or(Load::NONE);
     let apart = task.test_poses.len().div_ceil(MOST_POSES);
     let poses = task.test_poses.iter().step_by(apart);
-    let is_offered = |row: &Candidate| offered.iter().any(|each| each.station == row.station);
     let at: Vec<Candidate> = poses
         .flat_map(|pose| rows_at(task, &pose.configuration_rad, load, 0))
-        .filter(is_offered)
         .collect();
     let rounds = (POSES..).zip(STEPS.iter().chain(&STEPS));
-    rounds
+    let rows: Vec<Candidate> = rounds
         .flat_map(|(round, step)| near(task, &at, *step, seed, round))
-        .collect()
+        .collect();
+    let stations: BTreeSet<&Option<String>> = offered.iter().map(|row| &row.station).collect();
+    let mut rows = from_stations(task, &rows).unwrap_or(rows);
+    rows.retain(|row| stations.contains(&row.station));
+    rows
 }
 
 /// Some candidates, and others near each: a step of each joint by a share of its range.
