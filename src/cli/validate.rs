@@ -291,7 +291,7 @@ fn describe_readings(
         add("with joint errors", with_joints);
     }
     let mut text = format!(
-        "{} that were not fitted\n{}",
+        "{} beside their predictions\n{}",
         counted(validation.left.len() as u64, "reading"),
         table(DISTANCES, rows)
     );

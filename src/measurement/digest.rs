@@ -7,8 +7,9 @@ use sha2::{Digest, Sha256};
 
 use super::{AbsoluteReading, Measurement};
 
-/// Of readings and angles that are alike within this, in their units (m, deg): less than any instrument shows.
-const ALIKE: f64 = 1e-8;
+/// Readings (m) and angles (deg) are rounded to these: files of the same readings may have fewer digits.
+const READ_M: f64 = 1e-6;
+const ANGLE_DEG: f64 = 1e-4;
 /// So many bytes of a hash make a number that all readers of JSON hold.
 const BYTES: usize = 6;
 
@@ -36,11 +37,12 @@ impl Digested for AbsoluteReading {
 pub fn digests_of<R: Digested>(readings: &[R]) -> Vec<u64> {
     let digest = |reading: &R| {
         let (configuration_rad, read) = reading.read();
-        let angles_deg = configuration_rad.iter().map(|angle| angle.to_degrees());
+        let angles = configuration_rad.iter();
+        let angles = angles.map(|angle| angle.to_degrees() / ANGLE_DEG);
         let mut hash = Sha256::new();
-        for number in angles_deg.chain(read) {
+        for steps in angles.chain(read.map(|value_m| value_m / READ_M)) {
             // No minus zero.
-            hash.update(((number / ALIKE).round() + 0.0).to_le_bytes());
+            hash.update((steps.round() + 0.0).to_le_bytes());
         }
         let bytes = hash.finalize();
         (bytes.iter().take(BYTES)).fold(0, |sum, byte| sum << 8 | u64::from(*byte))

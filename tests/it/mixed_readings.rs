@@ -676,3 +676,22 @@ fn plans_without_a_level_table_know_as_much_as_if_there_were_none() {
     );
     assert!(beside <= alone * 1.05, "{beside} {alone}");
 }
+
+/// A station that has a name, and of which nothing is known, reads what one without a name does.
+#[test]
+fn plans_do_not_depend_on_a_stations_name() {
+    let place = Workplace::new();
+    place.write("arm.xml", ON_A_RAIL);
+    let (instrument, rest) = RAIL.split_once("[instrument.distance]").expect("a table");
+    let (_, rest) = rest.split_once("[[test_pose]]").expect("a table");
+    let station = "[[station]]\nname = \"tracker\"\nposition_mm = [-2000, 1800, 700]\n";
+    let rho0_mm = [station, ""].map(|station| {
+        place.write(
+            "s.toml",
+            format!("{instrument}{station}[[test_pose]]{rest}"),
+        );
+        let plan = "plan s.toml --parameters zeros,compliances --draw 8 --experiments 12";
+        number(&place.json(plan)["rho0_mm"])
+    });
+    assert!((rho0_mm[0] / rho0_mm[1] - 1.0).abs() < 1e-9, "{rho0_mm:?}");
+}
