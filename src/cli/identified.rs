@@ -90,7 +90,7 @@ pub fn refuse_fitted(
     if 2 * same < all || may_repeat() {
         let name = path.display();
         return Ok(format!(
-            "{name}: {problem}, to the last digit; coarse ones may be the same by chance.\n"
+            "{name}: {problem}; coarse ones may be the same by chance.\n"
         ));
     }
     let wrong = FileError::new(path, problem).code(ErrorCode::Measurements);
@@ -107,27 +107,20 @@ pub fn refuse_prior(
     let Some(before) = &belief.prior_campaign else {
         return Ok(String::new());
     };
-    let digests = match measured {
-        MeasuredFile::Deflections(measurements) => digests_of(measurements),
-        MeasuredFile::Absolute(readings) => digests_of(readings),
-    };
-    let may_repeat = || match measured {
-        MeasuredFile::Deflections(measurements) => {
-            measurements_may_repeat(&Case::as_believed(belief, measurements))
-        }
-        MeasuredFile::Absolute(readings) => {
-            AbsoluteCase::placed(belief, readings).is_ok_and(|case| case.may_repeat())
-        }
-    };
     let as_what = "robot.prior was identified from";
     let hint = "give other measurements, or leave out robot.prior: readings count once";
-    refuse_fitted(
-        path,
-        [&digests, &before.reading_digests],
-        may_repeat,
-        as_what,
-        hint,
-    )
+    let refuse = |digests: Vec<u64>, may_repeat: &dyn Fn() -> bool| {
+        let digests = [&*digests, &before.reading_digests];
+        refuse_fitted(path, digests, may_repeat, as_what, hint)
+    };
+    match measured {
+        MeasuredFile::Deflections(measurements) => refuse(digests_of(measurements), &|| {
+            measurements_may_repeat(&Case::as_believed(belief, measurements))
+        }),
+        MeasuredFile::Absolute(readings) => refuse(digests_of(readings), &|| {
+            AbsoluteCase::placed(belief, readings).is_ok_and(|case| case.may_repeat())
+        }),
+    }
 }
 
 /// What was not asked for when absolute readings were fitted, for a person.

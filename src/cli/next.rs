@@ -185,11 +185,12 @@ impl Next {
         let wrong = |error: CandidateError| error.in_file(wanted.path);
         let mut plannings = wanted.plannings(task, seed).map_err(wrong)?;
         let predicted = plannings.iter().map(|each| each.prediction(&[]));
-        let rho0_m = |each: &PredictedAccuracy| each.rho0_m().unwrap_or(f64::INFINITY);
-        let least = (predicted.enumerate())
-            .min_by(|(_, one), (_, other)| rho0_m(one).total_cmp(&rho0_m(other)));
-        // There is always one.
-        let (place, so_far) = least.unwrap_or_else(|| (0, plannings[0].prediction(&[])));
+        let mut predicted: Vec<PredictedAccuracy> = predicted.collect();
+        let rho0_m = |place: &usize| predicted[*place].rho0_m().unwrap_or(f64::INFINITY);
+        let places = 0..predicted.len();
+        let place = places.min_by(|one, other| rho0_m(one).total_cmp(&rho0_m(other)));
+        let place = place.unwrap_or_default();
+        let so_far = predicted.swap_remove(place);
         let wanted_m = self.accuracy_um.map(|accuracy| accuracy * 1e-6);
         let is_reached =
             (so_far.rho0_m().zip(wanted_m)).is_some_and(|(rho0, wanted)| rho0 <= wanted);

@@ -19,7 +19,7 @@ use crate::robot::{Approach, CommandPose, Load};
 
 pub use absolute::AbsoluteReading;
 pub use columns::{POSITION, QUATERNION, rotation_of};
-pub use digest::{count_among, digests_of};
+pub use digest::{Digested, count_among, digests_of};
 pub use origin::{CONTROLLER_COMPENSATES, Origin, SimulatedRun, controller_compensates};
 pub use read::{MeasuredArm, MeasuredFile, read_measured, read_measured_so_far, read_measurements};
 pub use write::{

@@ -15,7 +15,7 @@ use crate::identification::{
     ModelSelection, ParameterGroup, ReadingWeights, RejectedReading, RepeatComponents, Repeats,
     Robustness, Told, left_out, residuals,
 };
-use crate::measurement::{AbsoluteReading, Measurement, digests_of};
+use crate::measurement::{AbsoluteReading, Digested, Measurement, digests_of};
 use crate::numeric::tolerance::ends;
 use crate::record::messages::{ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
@@ -43,8 +43,6 @@ pub struct Identified {
     pub patterns: Patterns,
     /// What repeated measurements show, where there are some.
     pub repeats: Option<Repeats>,
-    /// The measurements' digests.
-    digests: Vec<u64>,
 }
 
 /// Why nothing was identified.
@@ -88,7 +86,6 @@ pub fn identify_measurements(
     let all: Vec<usize> = (0..measurements.len()).collect();
     let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
     Ok(Identified {
-        digests: digests_of(measurements),
         repeats,
         patterns: looked.patterns(&robust.rejected),
         identification: robust.identification,
@@ -136,6 +133,7 @@ impl Identified {
     pub fn json(
         &self,
         scenario: &Scenario,
+        measurements: &[Measurement],
         provenance: &ProvenanceMessage,
         sigma_from_residuals: bool,
     ) -> serde_json::Result<Value> {
@@ -156,22 +154,22 @@ impl Identified {
             "repeats": self.repeats,
             "notes": self.notes(),
         });
-        let keys = [json!(message), json!(basis(scenario, &self.digests)), more];
+        let keys = [json!(message), json!(basis(scenario, measurements)), more];
         Ok(results("identify", provenance, keys))
     }
 }
 
-/// What rests on a scenario and on readings, by their digests.
-pub fn basis(scenario: &Scenario, digests: &[u64]) -> IdentificationBasis {
+/// What rests on a scenario and on readings.
+pub fn basis<R: Digested>(scenario: &Scenario, readings: &[R]) -> IdentificationBasis {
     let belief = &scenario.task.belief;
     let before = belief.prior_campaign.iter();
-    let before = before.flat_map(|each| &each.reading_digests);
+    let before = before.flat_map(|each| each.reading_digests.iter().copied());
     IdentificationBasis {
         identified_with: Some(belief.fingerprint()),
         earlier_left_out: (belief.prior_campaign.as_ref()).map(|each| each.left_out.clone()),
         scenario_file: scenario.path.to_str().map(str::to_owned),
         error_sources: Some(belief.source_names()),
-        reading_digests: Some(before.chain(digests).copied().collect()),
+        reading_digests: Some(before.chain(digests_of(readings)).collect()),
     }
 }
 
@@ -201,8 +199,6 @@ pub struct IdentifiedRobot<'a> {
     beyond_range: Option<String>,
     /// The halves of joint space beside each other, where each has enough readings; and other series.
     pub inconsistencies: Vec<Inconsistencies>,
-    /// The readings' digests.
-    digests: Vec<u64>,
 }
 
 /// How absolute readings are fitted.
@@ -263,7 +259,6 @@ pub fn identify_absolute<'a>(
     repeated.retain(|&place| readings[place].length.is_none());
     let residuals_m: Vec<Vector3<f64>> = fit.left.iter().map(|each| each.position_m).collect();
     Ok(IdentifiedRobot {
-        digests: digests_of(readings),
         repeat_components: case.repeat_components(&fit),
         repeats: Repeats::of_readings(readings, &residuals_m, &repeated, &case.visits),
         patterns: looked.patterns(&fit.rejected),
@@ -412,6 +407,7 @@ impl<'a> IdentifiedRobot<'a> {
     pub fn json(
         &self,
         scenario: &Scenario,
+        readings: &[AbsoluteReading],
         provenance: &ProvenanceMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
@@ -430,7 +426,7 @@ impl<'a> IdentifiedRobot<'a> {
         });
         let keys = [
             serde_json::to_value(message)?,
-            json!(basis(scenario, &self.digests)),
+            json!(basis(scenario, readings)),
             more,
         ];
         Ok(results("identify", provenance, keys))

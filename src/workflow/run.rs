@@ -20,7 +20,7 @@ use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, AbsoluteMessage, IdentificationError, ParameterGroup, ReadingWeights,
 };
-use crate::measurement::{AbsoluteReading, SimulatedRun, digests_of};
+use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::plan::Assessment;
@@ -247,7 +247,6 @@ impl RunOutcome {
         };
         let keys = json!({ "plans": all, "random_plans": RANDOM_PLANS, "random_median_rho0_mm": random_mm,
             "random_median_repeats": times, "random_median_limit_rho0_mm": limit_mm });
-        let digests = digests_of(&self.tried[0].calibration.measurements);
         // The order matters where keys coincide: rho0_mm is the predicted accuracy of the plan, and the standard
         // errors are those of the identification.
         let all = [
@@ -255,7 +254,7 @@ impl RunOutcome {
             main["test_poses"][0].take(),
             main["assessment"].take(),
             main["identification"].take(),
-            json!(basis(scenario, &digests)),
+            json!(basis(scenario, &self.tried[0].calibration.measurements)),
             keys,
             serde_json::to_value(&self.evidence)?,
         ];
@@ -501,7 +500,9 @@ impl AbsoluteRun<'_> {
         plan: &AbsolutePlanMessage,
         groups: &[ParameterGroup],
     ) -> serde_json::Result<Value> {
-        let identification = self.identified.json(scenario, provenance, groups)?;
+        let identification = self
+            .identified
+            .json(scenario, &self.readings, provenance, groups)?;
         let [before_mm, after_mm] = rms_m(&self.poses).map(|value| value * 1e3);
         let mut own = serde_json::to_value(&self.record)?;
         own["assessment"] = json!(plan);

@@ -11,7 +11,9 @@ use crate::experiment::{Candidate, Plan};
 use crate::files::FileError;
 use crate::plan::Criterion;
 use crate::plan::absolute::{AbsolutePlanning, ReadingsWanted};
-use crate::plan::search::{CandidateError, PlanSize, SearchError, Watch, random_plan};
+use crate::plan::search::{
+    CandidateError, PlanSize, SearchError, Watch, measurements_in, random_plan,
+};
 use crate::record::messages::results;
 use crate::record::robot_trials::RobotTrials;
 use crate::record::study::StudyPlanMessage;
@@ -186,7 +188,7 @@ fn readings_of<'a>(
         }
     };
     // As a whole until there are so many, which it is known to divide.
-    let once: u32 = found.iter().map(|(_, times)| times).sum();
+    let once = measurements_in(&found);
     for (_, times) in &mut found {
         *times *= (measurements / once.max(1)).max(1);
     }

@@ -248,8 +248,9 @@ fn validated(
         own.flat_map(<[AbsoluteReading]>::to_vec).collect()
     };
     let belief = &scenario.task.belief;
-    let found = identify_absolute(belief, &half(0.0, 0), &[], CHOICES).expect("a fit");
-    let json = found.json(scenario, &ProvenanceMessage::new(scenario), &[]);
+    let fitted = half(0.0, 0);
+    let found = identify_absolute(belief, &fitted, &[], CHOICES).expect("a fit");
+    let json = found.json(scenario, &fitted, &ProvenanceMessage::new(scenario), &[]);
     let place = Workplace::new();
     place.write("robot.json", json.expect("a record").to_string());
     let path = place.path("robot.json");

@@ -72,7 +72,12 @@ impl Identify {
                 .map_err(|error| error.in_file(other))?;
         }
         let mut report = Report {
-            json: identified.json(scenario, &self.common.provenance(scenario)?, groups)?,
+            json: identified.json(
+                scenario,
+                readings,
+                &self.common.provenance(scenario)?,
+                groups,
+            )?,
             conditions: identified.conditions(),
             text: again,
             ..Report::default()

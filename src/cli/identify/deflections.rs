@@ -52,7 +52,12 @@ impl Identify {
         let simulated = origin
             .filter(|origin| origin.scenario_sha256 == scenario.sha256)
             .and_then(|origin| origin.simulated);
-        let mut json = identified.json(scenario, &provenance, self.sigma_from_residuals)?;
+        let mut json = identified.json(
+            scenario,
+            measurements,
+            &provenance,
+            self.sigma_from_residuals,
+        )?;
         json["simulated"] = json!(simulated);
         let (identification, residuals) = (&identified.identification, &identified.residuals);
         let mut text = describe(identification, belief);

@@ -29,7 +29,7 @@ use super::Criterion;
 use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
     FiniteProblem, OfferedCandidates, PlanBound, PlanSize, SharingCandidates, TogetherBounds,
-    Watch,
+    Watch, measurements_in,
 };
 use crate::compensation::{KnownArm, uncompensated_rows};
 use crate::experiment::Candidate;
@@ -437,7 +437,7 @@ impl AbsolutePlanning<'_> {
     /// # Errors
     /// The candidates do not determine the tool's place.
     pub fn bound(&self, plan: &[(usize, u32)]) -> Result<Option<PlanBound>, CandidateError> {
-        let measurements = plan.iter().map(|(_, times)| times).sum();
+        let measurements = measurements_in(plan);
         let shown = self.shown(self.places(), measurements)?;
         let in_frame = |(_, test_poses): &(usize, DMatrix<f64>)| {
             self.with_problem(&shown, test_poses, measurements, |problem| {
@@ -462,7 +462,7 @@ impl AbsolutePlanning<'_> {
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
-        let count = plan.iter().map(|(_, times)| times).sum();
+        let count = measurements_in(plan);
         if self.ties_all()
             && let Some(tied) = self.tied(plan).first()
         {

@@ -5,7 +5,7 @@
 
 use super::{AbsolutePlan, AbsolutePlanning, CandidateError, ReadingsWanted};
 use crate::experiment::Candidate;
-use crate::plan::search::Watch;
+use crate::plan::search::{Watch, measurements_in};
 use crate::task::Task;
 
 /// Plans do without any of so many stations of whose frames something is known, and of more without all of them.
@@ -23,12 +23,15 @@ impl ReadingsWanted<'_> {
     ) -> Result<Vec<AbsolutePlanning<'t>>, CandidateError> {
         let all = self.planning(task, seed)?;
         let known = all.known_stations();
-        let subsets = 1_usize << known.len().min(FEW);
+        let apart = if known.len() > FEW { known.len() } else { 1 };
+        let parts: Vec<&[usize]> = known.chunks(apart).collect();
         let mut plannings = vec![all];
-        for subset in 1..subsets {
-            let is_without = |place: usize| known.len() > FEW || subset >> place & 1 == 1;
-            let without = (0..known.len()).filter(|&place| is_without(place));
-            let without: Vec<usize> = without.map(|place| known[place]).collect();
+        for subset in 1..1_usize << parts.len() {
+            let places = (0..parts.len()).filter(|place| subset >> place & 1 == 1);
+            let without = places
+                .map(|place| parts[place])
+                .collect::<Vec<_>>()
+                .concat();
             let all = &plannings[0];
             let rows = all.offered().iter().enumerate();
             let rows = rows.filter(|(place, _)| !without.contains(&all.station_of(*place)));
@@ -38,9 +41,6 @@ impl ReadingsWanted<'_> {
             let fewer = fewer.ok().filter(|fewer| fewer.unknowns() < all.unknowns());
             let offer = all.offer.clone();
             plannings.extend(fewer.map(|fewer| AbsolutePlanning { offer, ..fewer }));
-            if known.len() > FEW {
-                break;
-            }
         }
         Ok(plannings)
     }
@@ -69,19 +69,16 @@ impl ReadingsWanted<'_> {
             let rho0_m = last.and_then(|last| planning.prediction(&last.plan).rho0_m());
             rho0_m.unwrap_or(f64::INFINITY)
         };
-        let order = |one: &usize, other: &usize| {
-            let [one, other] = [one, other].map(|&place| rho0_m(&found[place]));
-            one.total_cmp(&other)
-        };
-        let best = (0..found.len()).min_by(order);
-        let Some(best) = best else {
+        let best = found.iter().map(rho0_m).enumerate();
+        let best = best.min_by(|(_, one), (_, other)| one.total_cmp(other));
+        let Some((best, _)) = best else {
             return Err(wrong.unwrap_or_else(CandidateError::undetermined));
         };
         let (planning, mut plans) = found.swap_remove(best);
         for plan in &mut plans {
+            let size = measurements_in(&plan.plan);
             for (_, others) in &found {
-                let size = plan.readings();
-                let other = others.iter().find(|other| other.readings() == size);
+                let other = (others.iter()).find(|other| measurements_in(&other.plan) == size);
                 let other = other.and_then(|other| other.bound.as_ref());
                 plan.bound = match (plan.bound.take(), other) {
                     (Some(own), Some(other)) if other.best < own.best => Some(other.clone()),
@@ -90,13 +87,6 @@ impl ReadingsWanted<'_> {
             }
         }
         Ok((planning, plans))
-    }
-}
-
-impl AbsolutePlan {
-    /// How many readings it has.
-    fn readings(&self) -> u32 {
-        self.plan.iter().map(|(_, times)| times).sum()
     }
 }
 

@@ -311,7 +311,7 @@ impl FiniteProblem<'_> {
     /// # Errors
     /// The candidates do not determine what is asked for.
     pub fn bound_of(&self, plan: &[(usize, u32)]) -> Result<FiniteBound, CandidateError> {
-        let (_, mut bound) = self.weigh(plan.iter().map(|(_, times)| times).sum())?;
+        let (_, mut bound) = self.weigh(measurements_in(plan))?;
         self.bound_near(&mut bound, plan);
         Ok(bound)
     }
@@ -322,7 +322,7 @@ impl FiniteProblem<'_> {
         let Some(criterion) = self.criterion.bounded_as() else {
             return;
         };
-        let measurements: u32 = plan.iter().map(|(_, times)| times).sum();
+        let measurements = measurements_in(plan);
         if measurements == 0 {
             return;
         }
@@ -406,6 +406,11 @@ impl FiniteProblem<'_> {
         }
         chosen
     }
+}
+
+/// How many measurements a plan has.
+pub fn measurements_in(plan: &[(usize, u32)]) -> u32 {
+    plan.iter().map(|(_, times)| times).sum()
 }
 
 /// Measures a candidate so often more.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::candidate_error::CandidateError;
 use super::exact::Watch;
-use super::finite::{FiniteBound, FiniteProblem, highest, measure};
+use super::finite::{FiniteBound, FiniteProblem, highest, measure, measurements_in};
 use super::weighing::apportioned;
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
@@ -198,7 +198,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 self.drawn(weights, &mut generator(self.effort.seed, stream))
             }
         };
-        let planned: u32 = plan.iter().map(|(_, times)| times).sum();
+        let planned = measurements_in(&plan);
         for _ in planned..self.effort.measurements {
             self.add_best(&mut plan, None);
         }
@@ -343,12 +343,11 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         for own in self.configurations_of(&found.plan) {
             let mut others = found.plan.clone();
             others.retain(|&(each, _)| self.problem.configurations[each] != own);
-            let kept: u32 = others.iter().map(|(_, times)| times).sum();
+            let kept = measurements_in(&others);
             for _ in kept..self.effort.measurements {
                 self.add_best(&mut others, Some(own));
             }
-            let is_whole =
-                others.iter().map(|(_, times)| times).sum::<u32>() == self.effort.measurements;
+            let is_whole = measurements_in(&others) == self.effort.measurements;
             let cost = (self.cost).cost(&self.information(&others), &mut self.directions);
             if is_whole && cost < found.cost * (1.0 - GAIN) {
                 *found = FoundAmong { plan: others, cost };

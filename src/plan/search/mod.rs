@@ -56,7 +56,7 @@ pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
 pub use exact::{ExactDesign, Watch, exact_design};
 pub(in crate::plan) use finite::measure;
-pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds};
+pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds, measurements_in};
 pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
 pub use plan_search::PlanSearch;
