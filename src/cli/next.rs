@@ -233,7 +233,8 @@ impl Next {
         let is_reached =
             wanted_m.is_none_or(|wanted_m| reached_m.is_some_and(|rho0| rho0 <= wanted_m));
         if !plan.is_empty() {
-            text += &tell_readings(&planning, (&plan, bound_m), &prediction);
+            let is_drawn = drawn.is_some();
+            text += &tell_readings(&planning, (&plan, bound_m), &prediction, is_drawn);
         }
         conditions.extend(self.unreached(measured + prediction.readings, is_reached));
         let mut keys = self.keys(measured, is_reached, [so_far.rho0_m(), reached_m, bound_m]);
@@ -377,6 +378,7 @@ fn tell_readings(
     planning: &AbsolutePlanning<'_>,
     (plan, bound_m): (&[(usize, u32)], Option<f64>),
     prediction: &PredictedAccuracy,
+    is_drawn: bool,
 ) -> String {
     let mut text = format!(
         "{} more: {}",
@@ -389,17 +391,33 @@ fn tell_readings(
             bound_m * 1e3
         );
     }
+    let commands = planning.task().belief.commands();
     let rows = planning.readings(plan).into_iter().zip(plan);
     let rows = rows.map(|((row, times), &(place, _))| {
+        let listed = |numbers: &[f64], digits| {
+            joined(numbers.iter().map(|each| number(Some(*each), digits)), " ")
+        };
+        let which = if is_drawn {
+            listed(&commands.numbers(row.configuration_rad.as_slice()), 2)
+        } else {
+            row.line.to_string()
+        };
+        let force = row.load.map(|load| listed(load.force_n.as_slice(), 1));
+        let station = row.station.clone().unwrap_or_default();
+        let target = planning.target(place).to_owned();
         vec![
-            row.line.to_string(),
-            planning.target(place).to_owned(),
-            row.station.clone().unwrap_or_default(),
+            which,
+            force.unwrap_or_default(),
+            target,
+            station,
             times.to_string(),
         ]
     });
-    format!(
-        "{text}\n\n{}",
-        table("line | target | station | times", rows)
-    )
+    let which = if is_drawn {
+        "joint angles [deg]"
+    } else {
+        "line"
+    };
+    let header = format!("{which} | force [N] | target | station | times");
+    format!("{text}\n\n{}", table(&header, rows))
 }

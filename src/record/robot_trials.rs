@@ -56,7 +56,12 @@ impl RobotTrials {
         Ok(Self {
             first_failure,
             below_quantile95: quantile95_m.and_then(below),
-            prediction: Kept::of(account.predicted_m * 1e3, observed_mm, tally.failed_share()),
+            prediction: Kept::of(
+                account.predicted_m * 1e3,
+                observed_mm,
+                tally.runs,
+                tally.failed_share(),
+            ),
             runs,
         })
     }

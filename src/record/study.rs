@@ -221,7 +221,7 @@ impl StudyPlanMessage {
             predicted_quantile95_mm: predicted_quantile95_m.map(|value| value * 1e3),
             contributions: account.map_or_else(Vec::new, |account| account.parts.clone()),
             verdict: (account.zip(rms_m))
-                .map(|(account, rms_m)| account.verdict(rms_m, failed_share)),
+                .map(|(account, rms_m)| account.verdict(rms_m, tally.runs, failed_share)),
             validation: (predicted_quantile95_m.zip(tally.radius95())).map(
                 |(predicted_m, radius95)| {
                     let standard_m = account.map_or_else(
@@ -263,8 +263,8 @@ impl StudyPlanMessage {
                 value,
                 standard_error,
             };
-            let is_exceeded = Kept::of(predicted_mm, observed_mm, failed_share) == Kept::Exceeded;
-            self.verdict = (is_exceeded && z > STANDARD_ERRORS).then(|| {
+            let kept = Kept::of(predicted_mm, observed_mm, self.runs, failed_share);
+            self.verdict = (kept == Kept::Exceeded && z > STANDARD_ERRORS).then(|| {
                 format!(
                     "exceeded: {:.3} times what is predicted of noise alone; the simulated truth is another robot, or \
                      deflections are not linear enough",

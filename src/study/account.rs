@@ -71,10 +71,10 @@ pub struct Account {
 }
 
 impl Account {
-    /// What an observed rms distance (m) says of the prediction, in words.
-    pub fn verdict(&self, observed_m: Measured, failed_share: f64) -> String {
+    /// What an observed rms distance (m) of so many runs says of the prediction, in words.
+    pub fn verdict(&self, observed_m: Measured, runs: u64, failed_share: f64) -> String {
         let ratio = observed_m.value / self.predicted_m;
-        match Kept::of(self.predicted_m, observed_m, failed_share) {
+        match Kept::of(self.predicted_m, observed_m, runs, failed_share) {
             Kept::Undecided => {
                 return format!(
                     "undecided: {:.1} % of the runs failed, and the others are no sample of what is predicted",
@@ -322,7 +322,7 @@ mod tests {
                 value,
                 standard_error,
             };
-            account.verdict(observed, 0.0)
+            account.verdict(observed, 1000, 0.0)
         };
         assert_eq!(said(6.1e-6, 1e-9), "holds");
         assert_eq!(said(6.4e-6, 1e-7), "holds");

@@ -8,6 +8,9 @@ use super::summary::{Measured, ObservedQuantile};
 pub const STANDARD_ERRORS: f64 = 3.0;
 /// ... nor are they what linear propagation leaves out, beyond this share.
 const LINEAR: f64 = 0.02;
+/// Normal errors of one coordinate scatter most: the standard error of an rms value r of n runs is r over the root of 2 n. Where it is more
+/// than so many times that, a few runs have errors that are not predicted, and their scatter excuses nothing.
+const SCATTER: f64 = 2.0;
 /// Where more of the runs fail, the others are no sample of what was predicted: softer robots fail first.
 const FAILED: f64 = 0.01;
 
@@ -15,7 +18,7 @@ const FAILED: f64 = 0.01;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Kept {
-    /// Within three standard errors and 2 %.
+    /// Within three standard errors and 2 %, if these are such as normal errors have.
     Holds,
     /// More is left.
     Exceeded,
@@ -26,9 +29,10 @@ pub enum Kept {
 }
 
 impl Kept {
-    /// What the rms distance that was seen (m) says of the one that was predicted, where such a share of the runs failed.
-    pub fn of(predicted_m: f64, seen_m: Measured, failed_share: f64) -> Self {
-        let room = STANDARD_ERRORS * seen_m.standard_error + LINEAR * predicted_m;
+    /// What the rms distance of so many runs that was seen (m) says of the one that was predicted, where such a share of the runs failed.
+    pub fn of(predicted_m: f64, seen_m: Measured, runs: u64, failed_share: f64) -> Self {
+        let most = SCATTER * predicted_m / (2.0 * runs as f64).sqrt();
+        let room = STANDARD_ERRORS * seen_m.standard_error.min(most) + LINEAR * predicted_m;
         if failed_share > FAILED {
             Self::Undecided
         } else if seen_m.value > predicted_m + room {
@@ -134,7 +138,7 @@ mod tests {
                 value,
                 standard_error,
             };
-            Kept::of(1.0, observed, failed_share)
+            Kept::of(1.0, observed, 200, failed_share)
         };
         let of = |value, standard_error| judged(value, standard_error, 0.01);
         assert_eq!(of(1.019, 0.0), Kept::Holds);
@@ -144,5 +148,9 @@ mod tests {
         assert_eq!(of(1.049, 0.01), Kept::Holds);
         assert_eq!(of(1.051, 0.01), Kept::Exceeded);
         assert_eq!(judged(1.0, 0.0, 0.011), Kept::Undecided);
+        // One of 200 runs is 100 times as far off as the others: its own scatter is no excuse.
+        assert_eq!(of(7.1, 3.5), Kept::Exceeded);
+        assert_eq!(of(1.31, 0.1), Kept::Holds);
+        assert_eq!(of(1.33, 0.15), Kept::Exceeded);
     }
 }

@@ -386,19 +386,16 @@ impl Belief {
         self.known().precision.clone()
     }
 
-    /// A set of which the first parameters are of the belief's vector, with what is known of them, and others are not: those that the earlier
-    /// campaign left nominal go with what it found, and are left out first.
-    pub fn beside_left_out(&self, set: ParameterSet, own: usize) -> ParameterSet {
+    /// A set of which the first parameters are some of the belief's vector, by their places there, with what is known of them, and others are
+    /// not: those that the earlier campaign left nominal go with what it found, and are left out first.
+    pub fn beside_left_out(&self, set: ParameterSet, places: &[usize]) -> ParameterSet {
         let Some(campaign) = &self.prior_campaign else {
             return set;
         };
-        let (all, extended) = (set.parameters(), self.uncertain.set());
-        let places = all[..own].iter().map(|each| extended.index_of(each.kind));
-        let places: Vec<usize> = places.flatten().collect();
-        let earlier = self.uncertain.earlier();
+        let (own, earlier) = (places.len(), self.uncertain.earlier());
         let mut precision = DMatrix::zeros(set.len(), set.len());
         let mut first = precision.view_mut((0, 0), (own, own));
-        first.copy_from(&earlier.select_rows(&places).select_columns(&places));
+        first.copy_from(&earlier.select_rows(places).select_columns(places));
         let found = campaign.as_found(&set, own);
         let with_others = found.tr_mul(&precision) * found;
         (set.with_precision(&(with_others - precision))).with_found(&campaign.names)

@@ -19,7 +19,7 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use crate::one_fit::{anywhere, between, normal, vector};
-use crate::support::Workplace;
+use crate::support::{UR10_JOINTS, Workplace};
 
 const SIGMA_M: f64 = 2e-5;
 const SIGMA_RAD: f64 = 3e-5;
@@ -497,4 +497,94 @@ fn a_mirrored_frame_is_named_beside_a_joint_s_sign() {
         text.contains("lift") && text.contains("left-handed"),
         "{text}"
     );
+}
+
+/// A robot's first joint gives 17 and 27 times as much as planned, where two of few readings are pulled sideways: frames alone explain neither,
+/// and all parameters both.
+#[test]
+fn readings_that_a_soft_joint_explains_are_no_outliers() {
+    let place = Workplace::new();
+    let joints = UR10_JOINTS.map(|joint| format!("{joint:?}")).join(", ");
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/models/ur10.xml");
+    place.write(
+        "s.toml",
+        format!(
+            r#"
+[robot]
+model = {model:?}
+calibration_site = "reflector"
+machining_site = "spindle"
+parameters = [{joints}]
+compliance_rad_per_nm = [1.5e-5, 2e-5, 3e-5, 8e-5, 9e-5, 1.2e-4]
+[instrument]
+sigma_mm = 0.03
+sigma_of = "position"
+tracker_site = "tracker"
+[[uncertainty]]
+kind = "compliance"
+joints = [{joints}]
+std_relative = 1
+[[uncertainty]]
+kind = "joint_zero"
+std_mrad = 0.2
+[[uncertainty]]
+kind = "link_position"
+std_mm = 0.3
+[[uncertainty]]
+kind = "joint_repeatability"
+std_mrad = 0.02
+[[test_pose]]
+q_deg = [20, -60, 80, -110, -70, 30]
+force_n = [10, 50, -50]
+[load]
+kind = "list"
+wrenches = [{{ force_n = [0, 0, -100] }}, {{ force_n = [0, 100, 0] }}]
+[region]
+[design]
+accuracy = "absolute"
+experiments = 15
+[true_robot]
+compliance_rad_per_nm = [2e-4, 2e-5, 3e-5, 8e-5, 9e-5, 1.2e-4]
+"#
+        ),
+    );
+    let poses = [
+        [52, -95, 109, -137, -87, 34],
+        [37, -84, 121, -121, -49, 24],
+        [18, -74, 78, -97, -81, 24],
+        [-7, 319, 106, 239, -102, 174],
+        [-62, -100, 270, -162, 323, -124],
+        [-139, -223, 47, -20, -202, -86],
+        [197, -253, 173, 360, -300, -146],
+        [3, 9, -60, -145, -79, 5],
+        [-70, 1, 35, -92, -31, 36],
+        [12, -68, 48, -43, -81, 20],
+        [40, -20, 66, -107, -69, 39],
+        [58, -17, 75, -104, -75, 33],
+        [40, -72, 93, -100, -86, 47],
+        [36, -21, 64, -86, -25, 20],
+        [-25, -60, 51, -114, -81, 18],
+    ];
+    let mut plan = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,target\n".to_owned();
+    for (index, pose) in poses.iter().enumerate() {
+        let force = match index {
+            2 | 4 => "0,100,0",
+            7 | 8 => "0,0,0",
+            _ => "0,0,-100",
+        };
+        let pose = pose.map(|angle| angle.to_string()).join(",");
+        plan += &format!("{pose},{force},0,0,0,1,spindle\n");
+    }
+    place.write("p.csv", plan);
+    for seed in [1, 3] {
+        place
+            .run(&format!(
+                "measure s.toml --plan p.csv --seed {seed} --measurements-out m.csv"
+            ))
+            .ends_with(0);
+        let json = place.json("identify s.toml --measurements m.csv");
+        let all = place.json("identify s.toml --measurements m.csv --keep-all");
+        assert_eq!(json["rejected"], serde_json::json!([]), "{seed}");
+        assert_eq!(json["unknowns"], all["unknowns"], "{seed}");
+    }
 }

@@ -695,3 +695,40 @@ fn plans_do_not_depend_on_a_stations_name() {
     });
     assert!((rho0_mm[0] / rho0_mm[1] - 1.0).abs() < 1e-9, "{rho0_mm:?}");
 }
+
+/// What an earlier campaign of one tracker found is known beside a cup whose place and a table whose inclination are uncertain.
+#[test]
+fn plans_beside_a_cup_and_a_table_go_on_from_a_prior() {
+    let place = Workplace::new();
+    place.write("arm.xml", ON_A_RAIL);
+    let all = RAIL
+        .split("[[uncertainty]]\nkind = \"link_position\"")
+        .next();
+    let all = all.expect("the tables before links");
+    let at = |table: &str| all.find(table).expect("a table");
+    let [bar, tracker] = ["[instrument.distance]", "[[station]]\nname = \"tracker\""].map(at);
+    let [cup, poses] = ["[[station]]\nname = \"cup\"", "[[test_pose]]"].map(at);
+    let first = [&all[..bar], &all[tracker..cup], &all[poses..]].concat();
+    let table = "[instrument.height]\nsigma_mm = 0.02\n[[station]]\nname = \"table\"\nreads = \"height\"\nposition_mm = [0, 0, 0]\n\
+                 range_max_mm = 3000\n";
+    let mounted = "[[uncertainty]]\nkind = \"station_rotation\"\nstations = [\"table\"]\nstd_mrad = 0.1\n[[uncertainty]]\n\
+                   kind = \"station_position\"\nstations = [\"cup\"]\nstd_mm = 0.1\n";
+    let second = all.replacen("[[test_pose]]", &format!("{table}[[test_pose]]"), 1) + mounted;
+    let second = second.replacen("\nparameters", "\nprior = \"i.json\"\nparameters", 1);
+    place.write("first.toml", first);
+    place.write("second.toml", second);
+    for arguments in [
+        "plan first.toml --draw 8 --plan-out p.csv",
+        "measure first.toml --plan p.csv --run 1 --measurements-out m.csv",
+        "identify first.toml --measurements m.csv --identified-out i.json",
+    ] {
+        place.run(arguments).ends_with(0);
+    }
+    let planned = place.json("plan second.toml --draw 8 --plan-out q.csv");
+    let evaluated = place.json("evaluate second.toml --plan q.csv");
+    let [planned, evaluated] = [planned, evaluated].map(|json| number(&json["rho0_mm"]));
+    assert!(
+        (planned / evaluated - 1.0).abs() < 1e-6,
+        "{planned} {evaluated}"
+    );
+}

@@ -1,6 +1,6 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, inconsistent, left_out};
@@ -107,6 +107,25 @@ pub(super) struct KeptFit<'a> {
     pub consistency: Option<f64>,
 }
 
+/// A fit by what is known of the readings' errors.
+struct FitByKnownErrors<'a> {
+    case: AbsoluteCase<'a>,
+    /// By the instrument's errors alone; none where that was not asked, or went anywhere.
+    own: Option<ParameterFit>,
+    /// The probability of residuals at least as large then.
+    consistency: Option<f64>,
+    /// By those of the planner's model, as [`AbsoluteCase::counted`].
+    counted: Option<(AbsoluteCase<'a>, ParameterFit)>,
+}
+
+impl FitByKnownErrors<'_> {
+    /// Whether these errors explain the residuals.
+    fn is_explained(&self) -> bool {
+        let is_plausible = (self.consistency).is_none_or(|probability| probability >= IMPLAUSIBLE);
+        self.counted.is_some() || self.own.is_some() && is_plausible
+    }
+}
+
 impl<'a> AbsoluteCase<'a> {
     /// Fits what the belief leaves open, or what `groups` name, together with all frames.
     pub fn fit(
@@ -150,6 +169,11 @@ impl<'a> AbsoluteCase<'a> {
             if !are_given && let Some(others) = self.without_far_out(weights, &found) {
                 found = others;
             }
+            if !are_given
+                && let Some(others) = self.beside_soft_joints(weights, start, &set, &found)
+            {
+                found = others;
+            }
             let fit = &found.fit;
             let mut other = with_nominal(fit, &fit.posterior.covariance, UNKNOWN);
             if other.is_none() {
@@ -163,6 +187,34 @@ impl<'a> AbsoluteCase<'a> {
                 None => return Ok(found),
             }
         }
+    }
+
+    /// The fit of more readings, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is none.
+    fn beside_soft_joints(
+        &self,
+        weights: ReadingWeights,
+        start: &[RejectedReading],
+        set: &ParameterSet,
+        found: &KeptFit<'a>,
+    ) -> Option<KeptFit<'a>> {
+        if found.rejected.is_empty() && found.discrepancy.is_none() {
+            return None;
+        }
+        let with = |soft: DMatrix<f64>| set.clone().with_precision(&soft);
+        let soft = with(outliers::for_soft_joints(set, None)?);
+        let of_all = || self.by_known_errors(&[], &soft, weights, None);
+        if found.discrepancy.is_some() && !of_all().is_ok_and(|all| all.is_explained()) {
+            return None;
+        }
+        let first = self.fit_without(start, &soft, weights, None).ok()?;
+        let all = self.without_far_out(weights, &first).unwrap_or(first);
+        let values = Some(all.fit.posterior.mean.as_slice());
+        let soft = with(outliers::for_soft_joints(set, values)?);
+        let other = self.fit_without(&all.rejected, &soft, weights, Some(&all));
+        let other = other.ok()?;
+        let are_fewer = other.rejected.len() < found.rejected.len();
+        let is_better = other.discrepancy.is_none() && (are_fewer || found.discrepancy.is_some());
+        is_better.then_some(other)
     }
 
     /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.
@@ -280,6 +332,41 @@ impl<'a> AbsoluteCase<'a> {
         weights: ReadingWeights,
         near: Option<&KeptFit<'a>>,
     ) -> FitResult<KeptFit<'a>> {
+        let by_known = self.by_known_errors(rejected, set, weights, near)?;
+        let is_explained = by_known.is_explained();
+        let (mut case, mut consistency) = (by_known.case, by_known.consistency);
+        let (fit, discrepancy) = match (by_known.counted, by_known.own) {
+            (Some((counted, fit)), _) => {
+                if consistency.is_some_and(|probability| probability < IMPLAUSIBLE) {
+                    consistency = consistency_of(&fit);
+                }
+                case = counted;
+                (fit, None)
+            }
+            (None, Some(fit)) if is_explained || weights == ReadingWeights::Own => {
+                let values = case.rebased(&fit);
+                (case.fit_near(set, values.as_slice(), Haste::Near)?, None)
+            }
+            (None, other) => case.with_discrepancy(set, other.as_ref())?,
+        };
+        Ok(KeptFit {
+            case,
+            rejected: rejected.to_vec(),
+            fit,
+            discrepancy,
+            discrepancy_model: None,
+            consistency,
+        })
+    }
+
+    /// The same by what is known of the readings' errors, as far as it is asked.
+    fn by_known_errors(
+        &self,
+        rejected: &[RejectedReading],
+        set: &ParameterSet,
+        weights: ReadingWeights,
+        near: Option<&KeptFit<'a>>,
+    ) -> FitResult<FitByKnownErrors<'a>> {
         let mut case = self.without(rejected);
         let start = near.map(|near| case.rebased(&near.fit));
         let readings = case.fitted_readings(set);
@@ -299,36 +386,18 @@ impl<'a> AbsoluteCase<'a> {
                 }
             }
         };
-        let mut consistency = own.as_ref().and_then(consistency_of);
-        let is_plausible = consistency.is_none_or(|probability| probability >= IMPLAUSIBLE);
-        let counted = match &own {
-            Some(fit) if weights == ReadingWeights::AsNeeded => {
-                case.counted(set, fit, is_plausible)?
-            }
-            _ => None,
-        };
-        let (fit, discrepancy) = match (counted, own) {
-            (Some((counted, fit)), _) => {
-                if !is_plausible {
-                    consistency = consistency_of(&fit);
-                }
-                case = counted;
-                (fit, None)
-            }
-            (None, Some(fit)) if is_plausible || weights == ReadingWeights::Own => {
-                let values = case.rebased(&fit);
-                (case.fit_near(set, values.as_slice(), Haste::Near)?, None)
-            }
-            (None, other) => case.with_discrepancy(set, other.as_ref())?,
-        };
-        Ok(KeptFit {
+        let mut found = FitByKnownErrors {
+            consistency: own.as_ref().and_then(consistency_of),
             case,
-            rejected: rejected.to_vec(),
-            fit,
-            discrepancy,
-            discrepancy_model: None,
-            consistency,
-        })
+            own,
+            counted: None,
+        };
+        if let Some(fit) = &found.own
+            && weights == ReadingWeights::AsNeeded
+        {
+            found.counted = (found.case).counted(set, fit, found.is_explained())?;
+        }
+        Ok(found)
     }
 
     /// The case weighed by what the planner's model says of the readings' errors, with the fit from near one that counts the instrument's
@@ -361,12 +430,19 @@ impl<'a> AbsoluteCase<'a> {
         first: &KeptFit<'a>,
     ) -> Option<KeptFit<'a>> {
         let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
-        let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
-        if rejected.is_empty() && !first.rejected.is_empty() {
-            // Geometry and elasticity explain what frames alone do not.
-            let all = self.fit_without(&[], set, weights, None).ok()?;
-            return Some(self.without_far_out(weights, &all).unwrap_or(all));
+        let suspects = self.looked_over(first, &first.fit)?.suspects();
+        if !first.rejected.is_empty() {
+            // Geometry and elasticity may explain what frames alone do not, and what is known before of all the rest alone.
+            let is_explained = || {
+                let all = self.by_known_errors(&[], set, weights, None);
+                all.is_ok_and(|all| all.is_explained())
+            };
+            if suspects.as_ref().is_some_and(Vec::is_empty) || is_explained() {
+                let all = self.fit_without(&[], set, weights, None).ok()?;
+                return Some(self.without_far_out(weights, &all).unwrap_or(all));
+            }
         }
+        let mut rejected = suspects?;
         if rejected.is_empty()
             && first.discrepancy.is_some()
             && let Some(robust) = self.robust_fit(&first.fit)

@@ -187,8 +187,8 @@ impl AbsoluteCase<'_> {
         left.map(|(kind, _)| kind.name(&self.arm)).collect()
     }
 
-    /// What is unknown, and what is known of the first of it.
-    fn named_unknowns(&self, groups: &[ParameterGroup]) -> (Vec<Unknown>, Prior) {
+    /// What is unknown, and the places of the first of it in the belief's vector.
+    fn named_unknowns(&self, groups: &[ParameterGroup]) -> (Vec<Unknown>, Vec<usize>) {
         let named = of_all(groups, &self.arm);
         let is_loaded = (self.observations.iter()).any(|each| each.setup.load != Load::NONE);
         let precision = self.belief.precision();
@@ -213,21 +213,18 @@ impl AbsoluteCase<'_> {
                 unknowns.push((kind, prior_deviation(kind)));
             }
         }
-        let values = DVector::from_vec(self.belief.values());
-        let before = Prior {
-            mean: values.select_rows(&places),
-            precision: precision.select_rows(&places).select_columns(&places),
-        };
-        (unknowns, before)
+        (unknowns, places)
     }
 
     /// The same as a set, with all that is known before.
     fn named(&self, groups: &[ParameterGroup]) -> FitResult<ParameterSet> {
-        let (unknowns, before) = self.named_unknowns(groups);
+        let (unknowns, known) = self.named_unknowns(groups);
         let all = ParameterSet::new(&self.arm, unknowns)?;
-        let first: Vec<usize> = (0..before.mean.len()).collect();
-        let all = all.with_earlier(&first, &before.mean, &before.precision);
-        let all = self.belief.beside_left_out(all, first.len());
+        let first: Vec<usize> = (0..known.len()).collect();
+        let mean = DVector::from_vec(self.belief.values()).select_rows(&known);
+        let precision = (self.belief.precision().select_rows(&known)).select_columns(&known);
+        let all = all.with_earlier(&first, &mean, &precision);
+        let all = self.belief.beside_left_out(all, &known);
         let about = self.about_places(&all);
         let Prior { mean, precision } = all.prior().clone();
         let places: Vec<usize> = (0..all.len()).collect();

@@ -113,11 +113,25 @@ impl Model {
 
     /// Whether the residual of an equality constraint is an angle (true) or a length (false); none where it is neither.
     pub(in crate::mujoco) fn couples_angles(&self, equality: usize) -> Option<bool> {
+        let turns = |joint: i32| {
+            self.inner.jnt_type()[joint.unsigned_abs() as usize] == MjtJoint::mjJNT_HINGE
+        };
+        let first = self.inner.eq_obj1id()[equality];
         match self.inner.eq_type()[equality] {
-            MjtEq::mjEQ_CONNECT | MjtEq::mjEQ_WELD | MjtEq::mjEQ_TENDON => Some(false),
-            MjtEq::mjEQ_JOINT => {
-                let joint = self.inner.eq_obj1id()[equality].unsigned_abs() as usize;
-                Some(self.inner.jnt_type()[joint] == MjtJoint::mjJNT_HINGE)
+            MjtEq::mjEQ_CONNECT | MjtEq::mjEQ_WELD => Some(false),
+            MjtEq::mjEQ_JOINT => Some(turns(first)),
+            MjtEq::mjEQ_TENDON => {
+                // The length of a fixed tendon is a sum over joints.
+                let tendon = first.unsigned_abs() as usize;
+                let [begin, count] = [self.inner.tendon_adr(), self.inner.tendon_num()]
+                    .map(|each| each[tendon].unsigned_abs() as usize);
+                let wraps = begin..begin + count;
+                let is_sum = wraps
+                    .clone()
+                    .all(|each| self.inner.wrap_type()[each] == MjtWrap::mjWRAP_JOINT);
+                let mut angles = wraps.map(|each| is_sum && turns(self.inner.wrap_objid()[each]));
+                let is_angle = angles.next()?;
+                angles.all(|each| each == is_angle).then_some(is_angle)
             }
             _ => None,
         }

@@ -49,7 +49,8 @@ impl ReadingsWanted<'_> {
             let known = found.last().and_then(|last| once_more(last.rows.clone()));
             let (known, size) = (known.unwrap_or_default(), PlanSize::all_different(readings));
             let searched = watch.part(number, numbers, |here| {
-                self.design_from(planning, &known, size, seed, here)
+                // Each goes on from the last.
+                self.design_from(planning, (&known, 1), size, seed, here)
             });
             match searched {
                 Ok(plan) => {

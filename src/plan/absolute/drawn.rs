@@ -34,6 +34,9 @@ use crate::task::{Loading, Station, Task, station_named};
 /// After the first search, so many more, each nearer to the plan that was best: the standard deviation of each joint's step, as a share
 /// of its range.
 const STEPS: [f64; 5] = [0.06, 0.03, 0.015, 0.008, 0.004];
+/// All these steps again, at most so often, as long as they make a plan better by this share.
+const CYCLES: usize = 6;
+const WORTHWHILE: f64 = 0.005;
 /// Searches in each round: rounds better what one leaves.
 const SEARCHES: usize = 3;
 /// So many configurations are tried near each that is chosen.
@@ -114,18 +117,18 @@ impl ReadingsWanted<'_> {
     ) -> Result<(AbsolutePlanning<'t>, AbsolutePlan), CandidateError> {
         let plannings = self.plannings(task, seed)?;
         let (planning, mut placed) = Self::best_of(plannings, watch, |planning, here| {
-            let found = self.design_from(planning, &[], size, seed, here)?;
+            let found = self.design_from(planning, (&[], CYCLES), size, seed, here)?;
             self.placed(planning, vec![found])
         })?;
         Ok((planning, placed.remove(0)))
     }
 
     /// The same of what may be read, and no worse than a plan that is known: rows, and how often each is read. Where configurations are
-    /// drawn, others near those that are chosen may be read, too, and there is no bound yet.
+    /// drawn, others near those that are chosen may be read, too, in so many cycles of steps, and there is no bound yet.
     pub(super) fn design_from(
         &self,
         planning: &AbsolutePlanning<'_>,
-        known: &[(Candidate, u32)],
+        (known, cycles): (&[(Candidate, u32)], usize),
         size: PlanSize,
         seed: u64,
         watch: Watch<'_>,
@@ -142,6 +145,7 @@ impl ReadingsWanted<'_> {
             size,
             seed,
             again: if planning.ties_all() { TIED_ROUNDS } else { 1 },
+            cycles,
             watch,
         };
         let offered = planning.offered();
@@ -156,12 +160,18 @@ impl ReadingsWanted<'_> {
             };
             Some(PlanOfRows::new(&own, found)).filter(|known| known.rho0_m.is_finite())
         });
-        let best = match (first, known) {
-            (Ok(first), Some(known)) if first.rho0_m <= known.rho0_m => first,
-            (_, Some(known)) => known,
-            (first, None) => first?,
-        };
-        Ok(rounds.bettered(best, planning, of_rows))
+        if known.is_none() {
+            return Ok(rounds.bettered(first?, planning, &of_rows));
+        }
+        // One that is worse so far may end better.
+        let starts = first.into_iter().chain(known).enumerate();
+        let ends = starts.map(|(number, start)| {
+            watch.part(number, 2, |watch| {
+                Rounds { watch, ..rounds }.bettered(start, planning, &of_rows)
+            })
+        });
+        let best = ends.min_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
+        best.ok_or_else(CandidateError::undetermined)
     }
 
     /// Plans by the places of what they read. Where configurations are drawn, that may be read besides from then on, and no plan of as
@@ -227,11 +237,14 @@ impl PlanOfRows {
 }
 
 /// Searches of which each goes on from the last.
+#[derive(Clone, Copy)]
 struct Rounds<'a> {
     size: PlanSize,
     seed: u64,
-    /// How often each step is tried.
+    /// How often each step is tried,
     again: usize,
+    /// and all of them, at most.
+    cycles: usize,
     watch: Watch<'a>,
 }
 
@@ -246,7 +259,7 @@ impl Rounds<'_> {
         let known = known.filter(|_| own.ties_all());
         let known = known.and_then(|known| own.plan_of(&known.rows));
         let searches = if known.is_some() { 0 } else { SEARCHES };
-        let rounds = self.again * STEPS.len() + 1;
+        let rounds = self.cycles * self.again * STEPS.len() + 1;
         let found = self.watch.part(round, rounds, |here| {
             own.design_by(searches, known.as_slice(), self.size, self.seed, here)
         })?;
@@ -262,7 +275,14 @@ impl Rounds<'_> {
     ) -> PlanOfRows {
         let task = planning.task;
         let steps = STEPS.iter().flat_map(|step| repeat_n(*step, self.again));
-        for (round, step) in (1..).zip(steps) {
+        let (cycle, mut before) = (self.again * STEPS.len(), f64::INFINITY);
+        for (round, step) in (1..=self.cycles * cycle).zip(steps.cycle()) {
+            if round % cycle == 1 {
+                if best.rho0_m > before * (1.0 - WORTHWHILE) {
+                    break;
+                }
+                before = best.rho0_m;
+            }
             if self.watch.stop.load(Ordering::Relaxed) {
                 break;
             }

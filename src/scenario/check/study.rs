@@ -1,5 +1,6 @@
 //! The table `[study]`: which plans a Monte Carlo study compares, over how many runs.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::ArmChecker;
@@ -299,7 +300,10 @@ impl ArmChecker<'_> {
         }
         let problem = format!(
             "found {measurements} measurements; whole repetitions must make up study.experiments = {}",
-            joined(conditions.iter().map(|each| each.experiments), " or ")
+            joined(
+                (conditions.iter().map(|each| each.experiments)).collect::<BTreeSet<u32>>(),
+                " or "
+            )
         );
         Err(self.wrong(key, problem))
     }
