@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
-use super::markup::{PageError, Templates};
+use super::markup::{PageError, page};
 use super::stills::Stills;
 use crate::laboratory::sheet::{RunSheet, columns, reads_positions, shows};
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_up, take_off};
@@ -28,8 +28,7 @@ pub fn run_sheet(
     let (task, laboratory) = (&scenario.task, &scenario.laboratory);
     let (instrument, commands) = (&task.belief.instrument, task.belief.commands());
     let plan = &stills.plan;
-    let templates = Templates::new()?;
-    let pictures = stills.pictures(&templates)?;
+    let pictures = stills.pictures()?;
     let sheet = RunSheet::new(&commands, campaign);
     let places = sheet.places();
     let columns = columns(task);
@@ -106,7 +105,7 @@ pub fn run_sheet(
         "groups": groups,
         "take_off": stops.last().filter(|stop| stop.load.is_some()).map(|stop| take_off(stop).to_lowercase()),
     });
-    templates.page(&title, "run_sheet.html", &shown)
+    page(&title, "run_sheet.html", &shown)
 }
 
 /// A place (mm) with the given decimals.

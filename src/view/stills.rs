@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use self::painter::{Camera, Painter};
 use self::scene::{Scene, Scenery};
-use super::markup::{PageError, Templates, unbroken};
+use super::markup::{PageError, filled, unbroken};
 use crate::experiment::Candidate;
 use crate::numeric::tolerance::ends;
 use crate::plan::{Experiment, Plan};
@@ -105,7 +105,7 @@ impl<'a> Stills<'a> {
             "stills": self.shown(),
             "camera": self.camera.shown(),
         });
-        Templates::new()?.filled("stills.html", &shown)
+        filled("stills.html", &shown)
     }
 
     /// The sheet as an SVG document.
@@ -142,20 +142,20 @@ impl<'a> Stills<'a> {
             "camera": self.camera.shown(),
             "stills": stills,
         });
-        Templates::new()?.filled("stills.svg", &sheet)
+        filled("stills.svg", &sheet)
     }
 
-    /// Pictures of each experiment, for a page of these templates.
+    /// Pictures of each experiment.
     ///
     /// # Errors
     /// See [`PageError`].
-    pub fn pictures(&self, templates: &Templates) -> Result<Vec<Pictures>, PageError> {
+    pub fn pictures(&self) -> Result<Vec<Pictures>, PageError> {
         let picture = |(index, scene): (usize, &Scene)| {
             let (number, mut still) = (index + 1, self.drawn(scene));
             let framed = |still: &Value, label: String, is_first: bool| {
                 let camera = self.camera.shown();
                 let shown = json!({ "still": still, "camera": camera, "label": label, "is_first": is_first });
-                templates.filled("framed.svg", &shown)
+                filled("framed.svg", &shown)
             };
             let label = format!("Where the load of experiment {number} hangs");
             let whole = still["box"].take();

@@ -3,17 +3,16 @@
 use serde_json::{Value, json};
 
 use super::PlanPage;
-use super::cards::{Card, conditions_card, readings_cards, verdict_card};
+use super::cards::of_readings;
 use super::distances::{distances, lines};
 use super::test_poses::test_poses;
 use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
-use crate::study::verdict::Kept;
 use crate::text::table::RecordTable;
 use crate::text::wording::significant;
-use crate::view::markup::{PageError, Templates, for_page, micro_sign};
+use crate::view::markup::{PageError, micro_sign, page};
 use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -32,18 +31,6 @@ pub fn absolute_page(
     run: Option<&AbsoluteRun<'_>>,
 ) -> Result<String, PageError> {
     let scenario = shown.scenario;
-    let mut cards = readings_cards(plan, run);
-    if let Some(trials) = trials {
-        let is_kept = trials.prediction == Kept::Holds;
-        let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards.push(verdict_card(is_kept, verdict, trials.outcome()));
-    }
-    if !plan.assumed_exact.is_empty() {
-        let about = plan.assumed_exact.join("; ") + ".";
-        let answer = "not all is in the prediction";
-        cards.push(Card::new("bad", "Assumed exact", answer, about));
-    }
-    cards.extend(conditions_card(shown.conditions));
     let has_poses = plan.test_poses.len() > 1 || run.is_some();
     let test_poses = has_poses.then(|| {
         let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
@@ -52,11 +39,12 @@ pub fn absolute_page(
         test_poses(poses, &predicted_mm, plan.rho0_mm, observed)
     });
     let budget = plan.uncertainty_budget.as_ref();
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), &plan.plan);
+    let of_plan = shown.shown(budget, test_poses.as_ref(), &plan.plan);
     let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
     let unknowns = json!({ "table": unknowns(&plan.unknowns), "has_logarithms": has_logarithms });
     let json = json!({
-        "page": page,
+        "page": of_plan,
+        "readings": of_readings(plan, run),
         "trials": trials.map(of_trials),
         "run": run.map(identified),
         "unknowns": unknowns,
@@ -66,14 +54,15 @@ pub fn absolute_page(
         None => "plan of absolute readings",
     };
     let title = format!("{}: {tab}", scenario.name);
-    Templates::new()?.page(&title, "readings.html", &json)
+    page(&title, "readings.html", &json)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Value {
     let lines = lines(std::slice::from_ref(&trials.runs), |_| false);
     json!({
-        "outcome": for_page(&trials.outcome()),
+        "outcome": trials.outcome(),
+        "prediction": trials.prediction,
         "runs": trials.runs,
         "distances": distances(&lines),
     })
