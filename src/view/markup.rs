@@ -9,11 +9,12 @@ use thiserror::Error;
 
 use crate::text::markdown_text;
 use crate::text::wording::{
-    counted, dash, duration, inverse_interval, joined, micrometres, number, percent, significant,
+    counted, dash, duration, inverse_interval, joined, listed, micrometres, number, percent,
+    significant,
 };
 
 /// The templates, which may import one another.
-const TEMPLATES: [(&str, &str); 14] = [
+const TEMPLATES: [(&str, &str); 21] = [
     ("chart.svg", include_str!("pages/chart.svg")),
     ("charts.svg", include_str!("pages/charts.svg")),
     ("still.svg", include_str!("pages/still.svg")),
@@ -28,6 +29,13 @@ const TEMPLATES: [(&str, &str); 14] = [
     ("readings.html", include_str!("pages/readings.html")),
     ("study.html", include_str!("pages/study.html")),
     ("run_sheet.html", include_str!("pages/run_sheet.html")),
+    ("table.md", include_str!("pages/table.md")),
+    ("step.md", include_str!("pages/step.md")),
+    ("results.md", include_str!("pages/results.md")),
+    ("overview.md", include_str!("pages/overview.md")),
+    ("study.md", include_str!("pages/study.md")),
+    ("study_table.md", include_str!("pages/study_table.md")),
+    ("study_sources.md", include_str!("pages/study_sources.md")),
 ];
 /// The style of all pages.
 const STYLE: &str = concat!(
@@ -69,6 +77,10 @@ fn environment() -> Result<Environment<'static>, minijinja::Error> {
     pages.add_filter("inverse_interval", |low: f64, high: f64| {
         inverse_interval([low, high])
     });
+    pages.add_filter("listed", |values: Vec<f64>, decimals: usize| {
+        listed(values, decimals)
+    });
+    pages.add_filter("unbroken", |text: String| unbroken(&text));
     pages.add_filter("vectors", |text: String| with_whole_vectors(&text));
     pages.add_filter("unit", |text: String| micro_sign(&text));
     pages.add_filter("for_page", |text: String| for_page(&text));

@@ -74,7 +74,7 @@ impl Recording {
     pub fn annotations(&self, step: &Step) -> Vec<Annotation> {
         let [tool_m, _, enlarged_m] = step.arms.each_ref().map(|arm| arm.tool_m);
         let label = displacement_label(step);
-        let deflection_m = step.displacement_m() * step.enlargement;
+        let deflection_m = step.did.displacement_m() * step.enlargement;
         let force = step.force_arrow_m;
         let force = force.map(|force| [enlarged_m, enlarged_m + force]);
         let mut drawn = vec![
@@ -123,7 +123,7 @@ impl Recording {
 
 /// The deflection of the tool as it is drawn, in words; none where nothing bends it.
 fn displacement_label(step: &Step) -> Option<String> {
-    let length_mm = step.displacement_m().norm() * 1e3;
+    let length_mm = step.did.displacement_m().norm() * 1e3;
     let (length, times) = (micrometres(Some(length_mm)), step.enlargement);
     (length_mm > 0.0).then(|| format!("{length} (drawn {times} times as long)"))
 }

@@ -22,7 +22,7 @@ use crate::text::wording::joined;
 pub use annotations::{Annotation, ReadingLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
-use steps::{Stage, enlarge};
+use steps::{Stage, steps};
 
 /// Half of what is in view, upwards and across, over the distance; and how much farther away the eye is, since arms are thick.
 const IN_VIEW: [f64; 2] = [0.52, 0.65];
@@ -109,6 +109,8 @@ pub struct Step {
     pub title: String,
     /// The number of the experiment, or of the row of absolute readings, in the plan from 1; none of a test pose.
     pub number: Option<usize>,
+    /// The tool that is mounted.
+    pub tool: ShownTool,
     /// What the robot did.
     pub did: CarriedOutRow,
     /// The arm without load, at a test pose where it is wanted; under the load; and loaded with its joints' deflections enlarged, as it is
@@ -132,14 +134,6 @@ pub struct ShownArm {
 }
 
 impl Step {
-    /// The tool that is mounted.
-    pub const fn tool(&self) -> ShownTool {
-        match self.number {
-            Some(_) => ShownTool::Calibration,
-            None => ShownTool::Machining,
-        }
-    }
-
     /// The load in words: "2500 N", "300 N and 20 N m"; none without one.
     pub fn load_label(&self) -> Option<String> {
         let load = &self.did.load;
@@ -151,11 +145,6 @@ impl Step {
             " and ",
         );
         (!words.is_empty()).then_some(words)
-    }
-
-    /// Loaded minus unloaded position of the tool (m), true to scale and without the instrument's errors.
-    pub fn displacement_m(&self) -> Vector3<f64> {
-        self.arms[1].tool_m - self.arms[0].tool_m
     }
 }
 
@@ -194,19 +183,17 @@ impl Recording {
     pub fn new(scenario: &Scenario, plans: &[CarriedOutPlan]) -> Result<Self, CalibrationError> {
         let belief = &scenario.task.belief;
         let (surroundings, links) = bodies(scenario)?;
-        let mut stage = Stage::new(scenario, &links);
-        let mut calibrations = Vec::new();
-        for plan in plans {
-            calibrations.push(RecordedCalibration {
-                record: plan.run.clone(),
-                commands: belief.commands(),
-                compliance_unit: belief.compliance_unit("1e-6"),
-                steps: stage.steps(&plan.run, &plan.did),
-            });
-        }
-        for tool in [ShownTool::Calibration, ShownTool::Machining] {
-            enlarge(scenario, tool, &mut calibrations, &mut stage)?;
-        }
+        let rows = plans.iter().flat_map(|plan| &plan.did.rows);
+        let mut experiments = Stage::new(scenario, &links, ShownTool::Calibration, rows)?;
+        let rows = plans.iter().flat_map(|plan| plan.did.test_poses.iter());
+        let mut test_poses = Stage::new(scenario, &links, ShownTool::Machining, rows.flatten())?;
+        let calibration = |plan: &CarriedOutPlan| RecordedCalibration {
+            record: plan.run.clone(),
+            commands: belief.commands(),
+            compliance_unit: belief.compliance_unit("1e-6"),
+            steps: steps(plan, &mut experiments, &mut test_poses),
+        };
+        let calibrations: Vec<_> = plans.iter().map(calibration).collect();
         let steps = || calibrations.iter().flat_map(|each| &each.steps);
         let has = |is_gauge| {
             let mut sights = steps().filter_map(|step| step.sight);

@@ -64,6 +64,10 @@ impl PlanPage<'_> {
         plan: &[PlanRowMessage],
     ) -> Value {
         let scenario = self.scenario;
+        let belief = &scenario.task.belief;
+        let columns = belief.commands().columns().into_iter();
+        let angles = columns.map(|column| column.replace('_', " [") + "]");
+        let turns = |row: &PlanRowMessage| row.wrench.is_some_and(|wrench| wrench[3..] != [0.0; 3]);
         json!({
             "name": scenario.name,
             "description": scenario.description,
@@ -74,8 +78,11 @@ impl PlanPage<'_> {
             "plan": shell_path(self.plan),
             "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
             "stills": self.stills,
-            "reads_along": scenario.task.belief.instrument.reads_along(),
-            "rows": tables::plan_rows(&scenario.task, plan),
+            "reads_along": belief.instrument.reads_along(),
+            "rows": plan,
+            "angles": angles.collect::<Vec<_>>(),
+            "has_torque": plan.iter().any(turns),
+            "tool": belief.calibration_tool.name,
             "provenance": self.provenance,
             "command": self.command,
         })

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 use re_sdk::{EntityPath, RecordingStream, entity_path};
 use re_sdk_types::archetypes::{
-    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, TextDocument, Transform3D, ViewCoordinates,
+    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
 };
 use re_sdk_types::datatypes::Quaternion;
 
@@ -37,7 +37,7 @@ pub(super) fn log_step(
     (calibration, step): (&RecordedCalibration, &Step),
     mounted: &mut Option<ShownTool>,
 ) -> Logged {
-    let tool = step.tool();
+    let tool = step.tool;
     if *mounted != Some(tool) {
         log_tools(stream, recording, tool)?;
         *mounted = Some(tool);
@@ -69,8 +69,8 @@ pub(super) fn log_step(
         .with_colors(labels().map(|(rgb, _)| rgb))
         .with_labels(labels().map(|(_, (_, text))| text.as_str()));
     stream.log("world/labels", &points)?;
-    let described = TextDocument::from_markdown(text::step(calibration, step));
-    stream.log("text/step", &described)
+    stream.log("text/step", &text::step(calibration, step)?)?;
+    Ok(())
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {

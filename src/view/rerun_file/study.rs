@@ -7,8 +7,8 @@ use std::path::Path;
 
 use re_sdk::blueprint::components::PlayState;
 use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
-use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
-use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
+use re_sdk::{EntityPath, RecordingStream, entity_path};
+use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
 use super::blueprint::{self, Clock, Layout};
 use super::{Logged, STEP, begin, scene, text, write_stream};
@@ -56,7 +56,7 @@ pub struct StudyStream {
 
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
-    pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> RecordingStreamResult<Self> {
+    pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> Logged<Self> {
         let runs = usize::try_from(study.header.trials).unwrap_or(usize::MAX);
         let clock = Clock {
             timeline: RUN,
@@ -81,10 +81,9 @@ impl StudyStream {
         snapshot: &Snapshot,
     ) -> Logged {
         stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
-        let table = TextDocument::from_markdown(text::study_table(study, snapshot));
-        stream.log("text/table", &table)?;
-        if let Some(sources) = text::study_sources(snapshot) {
-            stream.log("text/sources", &TextDocument::from_markdown(sources))?;
+        stream.log("text/table", &text::study_table(study, snapshot)?)?;
+        if let Some(sources) = text::study_sources(snapshot)? {
+            stream.log("text/sources", &sources)?;
         }
         for (plan, colour) in snapshot.plans.iter().zip(colours(study)) {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
@@ -112,8 +111,7 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     if study.arms.shows_robot() {
         scene::log_bodies(stream, &study.arms)?;
     }
-    let about = TextDocument::from_markdown(text::study(study));
-    stream.log_static("text/about", &about)?;
+    stream.log_static("text/about", &text::study(study)?)?;
     for (name, colour) in study.header.labels().iter().zip(colours(study)) {
         // One name for the mean and its band makes one entry in the legend.
         let lines = SeriesLines::new()
