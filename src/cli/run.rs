@@ -81,7 +81,7 @@ impl Run {
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
-            stills: &stills.figures()?,
+            stills: &stills.figures(),
             conditions: &report.conditions,
             provenance: &common.provenance(&scenario)?,
             command: &command_line(),

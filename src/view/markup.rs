@@ -14,11 +14,10 @@ use crate::text::wording::{
 };
 
 /// The templates, which may import one another.
-const TEMPLATES: [(&str, &str); 21] = [
+const TEMPLATES: [(&str, &str); 20] = [
     ("chart.svg", include_str!("pages/chart.svg")),
     ("charts.svg", include_str!("pages/charts.svg")),
     ("still.svg", include_str!("pages/still.svg")),
-    ("framed.svg", include_str!("pages/framed.svg")),
     ("stills.svg", include_str!("pages/stills.svg")),
     ("stills.html", include_str!("pages/stills.html")),
     ("cards.html", include_str!("pages/cards.html")),

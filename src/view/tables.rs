@@ -117,14 +117,14 @@ const SWEPT: [Swept; 3] = [
 ];
 
 /// The conditions that vary between the plans of a study.
-pub fn swept(plans: &[&StudyPlanMessage]) -> Vec<Swept> {
-    let varies = |(_, value): &Swept| plans.iter().any(|runs| value(runs) != value(plans[0]));
+pub fn swept(plans: &[StudyPlanMessage]) -> Vec<Swept> {
+    let varies = |(_, value): &Swept| plans.iter().any(|runs| value(runs) != value(&plans[0]));
     SWEPT.into_iter().filter(varies).collect()
 }
 
 /// What the runs of each plan of a study say, with a column for each condition that varies; and, `with_random`, how many
 /// times as accurate as random plans they are: for pages, where what never failed has no column.
-pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
+pub fn study(plans: &[StudyPlanMessage], with_random: bool) -> RecordTable {
     let swept = swept(plans);
     let shows_failed = !with_random || plans.iter().any(|runs| runs.failed > 0);
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);

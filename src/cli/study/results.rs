@@ -156,7 +156,7 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
 
 /// The table for a person.
 pub fn describe(messages: &[StudyPlanMessage]) -> String {
-    tables::study(&messages.iter().collect::<Vec<_>>(), false).plain()
+    tables::study(messages, false).plain()
 }
 
 /// What each plan predicted, what its errors are made of, and whether the prediction holds.
@@ -165,7 +165,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
         AccuracyKind::Absolute => format!("{ABSOLUTE_ACCURACY}\n"),
         AccuracyKind::Relative => String::new(),
     };
-    let swept = tables::swept(&messages.iter().collect::<Vec<_>>());
+    let swept = tables::swept(messages);
     for message in messages {
         let conditions = swept.iter();
         let conditions = conditions.map(|(name, value)| format!(", {name} {}", value(message)));

@@ -150,12 +150,11 @@ impl Channels<'_> {
 
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
         let costs = &recording.costs;
-        let mut mounted = None;
         let mut now = Duration::ZERO;
         for calibration in &recording.calibrations {
             for step in &calibration.steps {
                 now += minutes(costs.move_min);
-                if mounted.replace(step.tool) != Some(step.tool) {
+                if step.changes_tool {
                     let change = scene::change_tool(recording, step.tool, now);
                     self.draw(SCENE, now, &change)?;
                 }

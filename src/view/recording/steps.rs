@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use super::{Body, CarriedOutPlan, ReadingLine, ShownArm, ShownTool, Step, tool_name};
+use super::{Body, CarriedOutPlan, ShownArm, ShownTool, Sight, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
 use crate::record::run::MeasuredMessage;
@@ -69,7 +69,13 @@ impl Stage {
             world_from_link: self.links(&rest.coordinates),
             tool_m: rest.place_m,
         });
-        let sight = ReadingLine::new(&self.instrument, &self.state, did.direction, did.station_m);
+        let sight = Sight::new(
+            &self.instrument,
+            &self.state,
+            unloaded.tool_m,
+            did.direction,
+            did.station_m,
+        );
         let [from, to] = did.rests.each_ref().map(|rest| &rest.coordinates);
         let each = from.iter().zip(to);
         let enlarged = each.map(|(from, to)| from + self.enlargement * (to - from));
@@ -83,6 +89,7 @@ impl Stage {
             title,
             number,
             tool: self.tool,
+            changes_tool: false,
             did: did.clone(),
             arms: [unloaded, loaded, enlarged],
             enlargement: self.enlargement,
@@ -103,7 +110,7 @@ pub(super) fn steps(
         MeasuredMessage::Deflections { .. } => ["not compensated", "compensated"],
         MeasuredMessage::Readings { .. } => ["by the nominal robot", "by the identified robot"],
     };
-    let mut steps = Vec::new();
+    let mut steps: Vec<Step> = Vec::new();
     for (number, row) in (1..).zip(&did.rows) {
         steps.push(experiments.step(record.row_title(number), Some(number), row));
     }
@@ -112,6 +119,10 @@ pub(super) fn steps(
             let title = format!("test pose {:?}, {how}", pose.name);
             steps.push(test_poses.step(title, None, row));
         }
+    }
+    let mut mounted = None;
+    for step in &mut steps {
+        step.changes_tool = mounted.replace(step.tool) != Some(step.tool);
     }
     steps
 }

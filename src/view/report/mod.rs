@@ -41,8 +41,8 @@ pub use study::study_page;
 pub struct PlanPage<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// The robot in each configuration (HTML).
-    pub stills: &'a str,
+    /// The robot in each configuration, see [`Stills::figures`](super::stills::Stills::figures).
+    pub stills: &'a Value,
     /// What must be looked at.
     pub conditions: &'a [Condition],
     /// Where it comes from.
@@ -99,9 +99,9 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let poses = &record.test_poses;
     let rho0_mm = assessment.rho0_m.map(|value| value * 1e3);
     let test_poses = (poses.len() > 1).then(|| {
-        let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
+        let predicted_mm = poses.iter().map(|pose| pose.rho0_mm);
         let observed = Some((&**poses, "uncompensated"));
-        test_poses(&scenario.task.test_poses, &predicted_mm, rho0_mm, observed)
+        test_poses(&scenario.task.test_poses, predicted_mm, rho0_mm, observed)
     });
     let budget = assessment.uncertainty_budget.as_ref();
     let of_plan = shown.shown(budget, test_poses.as_ref(), &record.plan);
@@ -114,7 +114,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let shown = json!({
         "page": of_plan,
         "run": of_run(scenario, outcome),
-        "distances": distances(&lines),
+        "distances": distances(&evidence.study, &lines),
         "compliances": {
             "figure": compliances_figure(&found, &record.truth),
             "table": tables::compliances(&found, &record.truth, &unit),

@@ -7,7 +7,7 @@ use super::distances::{distances, lines, means_figure, shares_figure};
 use super::{each_once, texts};
 use crate::codes::Condition;
 use crate::record::{study::StudyPlanMessage, tally_file::Header};
-use crate::text::wording::{counted, joined};
+use crate::text::wording::joined;
 use crate::view::markup::{PageError, for_page, page};
 
 /// The page of a study under one set of conditions as HTML: what its runs say, what must be looked at, and the command that made it.
@@ -22,28 +22,19 @@ pub fn study_page(
 ) -> Result<String, PageError> {
     let reference = header.reference();
     let lines = lines(plans, |place| Some(&*plans[place].name) == reference);
-    let experiments = header.plans[0].conditions.experiments;
-    let caption = format!(
-        "{} runs of each plan {}, {} each, all with the same noise.",
-        header.trials,
-        header.level.words(),
-        counted(experiments.into(), header.accuracy().noun())
-    );
-    let z = (plans.iter()).filter_map(|plan| plan.z).map(f64::abs);
-    let largest_z = z.fold(0.0, f64::max);
     let shown = json!({
         "accuracy": header.accuracy().name(),
         "absolute": ABSOLUTE_ACCURACY,
         "best": header.best(plans),
         "plans": plans,
-        "largest_z": largest_z,
         "found": texts(conditions),
-        "caption": caption,
+        "header": header,
+        "level": header.level.words(),
+        "noun": header.accuracy().noun(),
         "means": means_figure(&lines),
-        "distances": distances(&lines),
+        "distances": distances(plans, &lines),
         "shares": shares_figure(&lines),
         "sources": sources(plans),
-        "provenance_record": header.provenance,
         "command": command,
     });
     let title = format!("{}: study", header.provenance.scenario);

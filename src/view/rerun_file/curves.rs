@@ -2,11 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 use re_sdk::{RecordingStream, entity_path};
 use re_sdk_types::archetypes::{Scalars, SeriesPoints};
-
-use serde::Serialize;
 
 use super::Logged;
 use crate::record::recorded::ReadOnce;
@@ -25,7 +23,7 @@ const AXES: [(&str, [u8; 3]); 4] = [
 ];
 
 /// A vector of one reading as far as it is known.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct ShownVector {
     /// What it is, for a table.
     pub(super) label: &'static str,
@@ -33,33 +31,19 @@ pub(super) struct ShownVector {
     pub(super) group: Option<&'static str>,
     /// Its coordinates (mm; mrad of rotations),
     pub(super) vector_mm: Option<[f64; 3]>,
-    /// its length,
-    pub(super) length_mm: Option<f64>,
     /// and what a gauge or a ballbar reads of it (mm).
     pub(super) along_mm: Option<f64>,
-}
-
-impl ShownVector {
-    pub(super) fn new(
-        label: &'static str,
-        group: Option<&'static str>,
-        vector_mm: Option<[f64; 3]>,
-        along_mm: Option<f64>,
-    ) -> Self {
-        Self {
-            label,
-            group,
-            vector_mm,
-            length_mm: vector_mm.map(|vector| Vector3::from(vector).norm()),
-            along_mm,
-        }
-    }
 }
 
 /// What was read once: of deflections the truth without the instrument's errors, whole also where a gauge reads; what was read, and
 /// what identification leaves of it; of poses the orientation, too.
 pub(super) fn shown(read: &ReadOnce<'_>) -> Vec<ShownVector> {
-    let vector = ShownVector::new;
+    let vector = |label, group, vector_mm, along_mm| ShownVector {
+        label,
+        group,
+        vector_mm,
+        along_mm,
+    };
     let residual =
         |vector_mm, along_mm| vector("residual [mm]", Some(RESIDUAL), vector_mm, along_mm);
     let mut all = match read {

@@ -133,7 +133,6 @@ pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged 
 }
 
 fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
-    let mut mounted = None;
     let mut named = None;
     let mut measurement = 0;
     let mut styled = BTreeSet::new();
@@ -143,7 +142,7 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
             stream.log("text/results", &text::results(calibration)?)?;
             named = Some(&calibration.record.name);
         }
-        scene::log_step(stream, recording, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, recording, calibration, step)?;
         for read in calibration.read_in(step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);

@@ -30,17 +30,15 @@ pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Log
     Ok(())
 }
 
-/// The arms and what acts on them in a step, and the step in words; `mounted` is the tool of the step before.
+/// The arms and what acts on them in a step, and the step in words.
 pub(super) fn log_step(
     stream: &RecordingStream,
     recording: &Recording,
-    (calibration, step): (&RecordedCalibration, &Step),
-    mounted: &mut Option<ShownTool>,
+    calibration: &RecordedCalibration,
+    step: &Step,
 ) -> Logged {
-    let tool = step.tool;
-    if *mounted != Some(tool) {
-        log_tools(stream, recording, tool)?;
-        *mounted = Some(tool);
+    if step.changes_tool {
+        log_tools(stream, recording, step.tool)?;
     }
     log_arms(stream, recording, step)?;
     let drawn = recording.annotations(step);

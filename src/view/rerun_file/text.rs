@@ -1,9 +1,10 @@
 //! What the texts beside the robot and beside a study show, see `pages/*.md`.
 
+use nalgebra::Vector3;
 use re_sdk_types::archetypes::TextDocument;
 use serde_json::{Value, json};
 
-use super::curves::{ShownVector, shown};
+use super::curves::shown;
 use crate::record::messages::thousandfold;
 use crate::record::run::MeasuredMessage;
 use crate::study::account::Contribution;
@@ -23,19 +24,21 @@ pub(super) fn step(
     step: &Step,
 ) -> Result<TextDocument, PageError> {
     let record = &calibration.record;
-    let place = match record.measured {
-        MeasuredMessage::Deflections { .. } => "off the wanted place [mm]",
-        MeasuredMessage::Readings { .. } => "off the predicted place [mm]",
+    let vector = |label: &str, vector_mm: Option<[f64; 3]>, along_mm: Option<f64>| {
+        let length_mm = vector_mm.map(|vector| Vector3::from(vector).norm());
+        json!({ "label": label, "vector_mm": vector_mm, "length_mm": length_mm, "along_mm": along_mm })
     };
-    let vectors: Vec<ShownVector> = match step.number {
-        Some(_) => (calibration.read_in(step))
-            .flat_map(|read| shown(&read))
-            .collect(),
-        None => {
-            let vector_mm = thousandfold(&step.did.displacement_m());
-            vec![ShownVector::new(place, None, Some(vector_mm), None)]
-        }
-    };
+    let read = calibration.read_in(step).flat_map(|read| shown(&read));
+    let read = read.map(|each| vector(each.label, each.vector_mm, each.along_mm));
+    let mut vectors: Vec<Value> = read.collect();
+    if step.number.is_none() {
+        let place = match record.measured {
+            MeasuredMessage::Deflections { .. } => "off the wanted place [mm]",
+            MeasuredMessage::Readings { .. } => "off the predicted place [mm]",
+        };
+        let off_mm = thousandfold(&step.did.displacement_m());
+        vectors.push(vector(place, Some(off_mm), None));
+    }
     let joints = (calibration.commands).shown(step.did.commanded_rad.as_slice());
     let shown = json!({
         "plan": record.name,
@@ -87,13 +90,11 @@ pub(super) fn overview(recording: &Recording) -> Result<TextDocument, PageError>
 pub(super) fn study(study: &StudyRecording) -> Result<TextDocument, PageError> {
     let header = &study.header;
     let shown = json!({
-        "provenance": header.provenance,
+        "header": header,
         "description": study.arms.description,
-        "trials": header.trials,
         "title": header.title(),
         "level": header.level.words(),
         "accuracy": header.accuracy().name(),
-        "shards": header.shards,
         "shows_robot": study.arms.shows_robot(),
     });
     markdown("study.md", &shown)
@@ -104,13 +105,13 @@ pub(super) fn study_table(
     study: &StudyRecording,
     snapshot: &Snapshot,
 ) -> Result<TextDocument, PageError> {
-    let plans: Vec<_> = snapshot.plans.iter().collect();
+    let plans = &snapshot.plans;
     let outcomes = (plans.iter())
         .filter_map(|plan| Some(json!({ "name": plan.name, "outcome": plan.outcome()? })));
     let shown = json!({
         "runs": snapshot.runs,
         "trials": study.header.trials,
-        "plans": tables::study(&plans, false).first(5),
+        "plans": tables::study(plans, false).first(5),
         "outcomes": outcomes.collect::<Vec<_>>(),
         "failed": plans.iter().map(|plan| plan.failed).sum::<u64>(),
     });
