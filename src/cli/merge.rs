@@ -35,7 +35,7 @@ impl Merge {
         roles.writes_to(&folder, &[STUDY_PAGE]).check()?;
         make_folder(&folder)?;
         let results = Results::new(&header, &tallies, None);
-        let mut report = results.report(&folder);
+        let mut report = results.report(&folder)?;
         write(&folder, &results, &mut report.written)?;
         Ok(report)
     }

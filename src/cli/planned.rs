@@ -187,7 +187,7 @@ impl PlanArgs {
         if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
             let page = PlanPage {
                 scenario,
-                stills: &planned.stills(scenario).figures()?,
+                stills: &planned.stills(scenario).figures(),
                 conditions: &report.conditions,
                 provenance: &self.common.provenance(scenario)?,
                 command: &command_line(),

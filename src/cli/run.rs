@@ -9,7 +9,7 @@ use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::text::wording::shell_path;
 use crate::view::markup::PageError;
 use crate::view::recording::{CarriedOutPlan, Recording};
-use crate::view::report::{Card, PlanPage, absolute_page, readings_cards, run_cards, run_page};
+use crate::view::report::{PlanPage, absolute_page, cards, of_readings, of_run, run_page};
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
@@ -81,7 +81,7 @@ impl Run {
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
-            stills: &stills.figures()?,
+            stills: &stills.figures(),
             conditions: &report.conditions,
             provenance: &common.provenance(&scenario)?,
             command: &command_line(),
@@ -143,7 +143,7 @@ impl Run {
         });
         let commands = task.belief.commands();
         let text = deflections::describe(&made.identification, &task.belief);
-        let text = text + &of_deflections(scenario, &outcome);
+        let text = text + &told_of_deflections(scenario, &outcome)?;
         let json = outcome.json(scenario, designed.elapsed_s)?;
         Ok(Looped {
             measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
@@ -186,7 +186,8 @@ impl Run {
         let mut conditions = planned.conditions(scenario);
         conditions.extend(outcome.conditions(scenario));
         let found = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
-        let text = absolute::describe(&found, &task.belief) + &of_readings(plan, &outcome);
+        let told = told_of_readings(plan, &outcome)?;
+        let text = absolute::describe(&found, &task.belief) + &told;
         let json = outcome.json(scenario, &provenance, plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &outcome.readings),
@@ -227,7 +228,7 @@ fn tell(common: &Common, stage: &RunStage<'_>, measuring: &str) {
 }
 
 /// What a run of deflections means, for a person.
-fn of_deflections(scenario: &Scenario, outcome: &RunOutcome) -> String {
+fn told_of_deflections(scenario: &Scenario, outcome: &RunOutcome) -> Result<String, PageError> {
     let mut text = format!("\n{}", tables::tried(&outcome.tried).plain());
     let own = &outcome.tried[0];
     if own.record.test_poses.len() > 1 {
@@ -241,19 +242,18 @@ fn of_deflections(scenario: &Scenario, outcome: &RunOutcome) -> String {
         }
     }
     text += &uncertainty_budget::describe(own.assessment.uncertainty_budget.as_ref());
-    text + &answers(&run_cards(scenario, outcome, own))
-}
-
-/// Cards for a terminal.
-fn answers(cards: &[Card]) -> String {
-    let lines: String = cards.iter().map(Card::plain).collect();
-    format!("\n{lines}")
+    let cards = cards("of_run", &of_run(scenario, outcome))?;
+    Ok(format!("{text}\n{cards}"))
 }
 
 /// What a run of absolute readings means, for a person.
-fn of_readings(plan: &AbsolutePlanMessage, outcome: &AbsoluteRun<'_>) -> String {
+fn told_of_readings(
+    plan: &AbsolutePlanMessage,
+    outcome: &AbsoluteRun<'_>,
+) -> Result<String, PageError> {
     let poses = tables::test_poses(&outcome.record.test_poses, "of the nominal robot");
     let mut text = format!("\n{}", poses.plain());
     text += &uncertainty_budget::describe(plan.uncertainty_budget.as_ref());
-    text + &left_out(plan) + &answers(&readings_cards(plan, Some(outcome)))
+    let cards = cards("of_readings", &of_readings(plan, Some(outcome)))?;
+    Ok(format!("{text}{}\n{cards}", left_out(plan)))
 }

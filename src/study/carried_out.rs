@@ -62,6 +62,11 @@ impl AtRest {
 }
 
 impl CarriedOutRow {
+    /// Loaded minus unloaded position (m), true to scale and without the instrument's errors.
+    pub fn displacement_m(&self) -> Vector3<f64> {
+        self.rests[1].place_m - self.rests[0].place_m
+    }
+
     /// At a test pose.
     fn at(pose: &TestPose, commanded_rad: &DVector<f64>, rests: [AtRest; 2]) -> Self {
         Self {

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
+use super::for_terminal;
 use super::wording::{joined, shortened};
-use super::{for_terminal, markdown_text};
 
 /// Names of rows have at most so many characters.
 const LONGEST_NAME: usize = 40;
@@ -69,16 +69,5 @@ impl RecordTable {
         let all = self.rows.iter_mut().chain([&mut self.header]);
         all.for_each(|row| row.truncate(columns));
         self
-    }
-
-    /// Of a text, in Markdown.
-    pub fn markdown(&self) -> String {
-        let line = |cells: &[String]| {
-            let cells = cells.iter().map(|cell| markdown_text(cell));
-            format!("| {} |\n", joined(cells, " | "))
-        };
-        let sides = "--:|".repeat(self.header.len().saturating_sub(1));
-        let rows: String = self.rows.iter().map(|row| line(row)).collect();
-        line(&self.header) + "|:--|" + &sides + "\n" + &rows
     }
 }

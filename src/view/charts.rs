@@ -7,7 +7,7 @@ mod series;
 use serde_json::{Value, json};
 
 use crate::text::wording::shortened;
-use crate::view::markup::{PageError, Templates};
+use crate::view::markup::{PageError, filled};
 
 pub use axis::{ChartAxis, reach};
 pub use series::{COLOURS, GRID, INK, Mark, SOFT, Series, plan_colours};
@@ -198,7 +198,7 @@ pub fn middle(rows: usize, row: usize) -> f64 {
 /// See [`PageError`].
 pub fn file(size: [f64; 2], title: &str, drawings: &[Value]) -> Result<String, PageError> {
     let shown = json!({ "size": size, "title": title, "style": IN_THE_DARK, "drawings": drawings });
-    let svg = Templates::new()?.filled("charts.svg", &shown)?;
+    let svg = filled("charts.svg", &shown)?;
     let fixed = |svg: String, (of_page, own): &(&str, &str)| svg.replace(of_page, own);
     Ok(ON_WHITE.iter().fold(svg, fixed))
 }

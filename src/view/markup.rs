@@ -1,26 +1,40 @@
-//! Pages: templates of HTML, filled with records. Whatever is filled in as text is escaped here.
+//! Pages and texts: templates, filled with records. Whatever is filled in as text is escaped here.
+
+use std::sync::LazyLock;
 
 use minijinja::{AutoEscape, Environment, Output, State, UndefinedBehavior, Value};
 use serde::Serialize;
 use serde_json::json;
 use thiserror::Error;
 
-use crate::text::wording::{counted, dash, duration, micrometres, number, percent, significant};
+use crate::text::markdown_text;
+use crate::text::wording::{
+    counted, dash, duration, inverse_interval, joined, listed, micrometres, number, percent,
+    significant,
+};
 
 /// The templates, which may import one another.
-const TEMPLATES: [(&str, &str); 12] = [
+const TEMPLATES: [(&str, &str); 20] = [
     ("chart.svg", include_str!("pages/chart.svg")),
     ("charts.svg", include_str!("pages/charts.svg")),
     ("still.svg", include_str!("pages/still.svg")),
-    ("framed.svg", include_str!("pages/framed.svg")),
     ("stills.svg", include_str!("pages/stills.svg")),
     ("stills.html", include_str!("pages/stills.html")),
+    ("cards.html", include_str!("pages/cards.html")),
+    ("cards.txt", include_str!("pages/cards.txt")),
     ("page.html", include_str!("pages/page.html")),
     ("parts.html", include_str!("pages/parts.html")),
     ("run.html", include_str!("pages/run.html")),
     ("readings.html", include_str!("pages/readings.html")),
     ("study.html", include_str!("pages/study.html")),
     ("run_sheet.html", include_str!("pages/run_sheet.html")),
+    ("table.md", include_str!("pages/table.md")),
+    ("step.md", include_str!("pages/step.md")),
+    ("results.md", include_str!("pages/results.md")),
+    ("overview.md", include_str!("pages/overview.md")),
+    ("study.md", include_str!("pages/study.md")),
+    ("study_table.md", include_str!("pages/study_table.md")),
+    ("study_sources.md", include_str!("pages/study_sources.md")),
 ];
 /// The style of all pages.
 const STYLE: &str = concat!(
@@ -33,70 +47,86 @@ const STYLE: &str = concat!(
 #[error("the page could not be made: {0:#}")]
 pub struct PageError(#[from] minijinja::Error);
 
-/// The templates of one page or picture.
-pub struct Templates(Environment<'static>);
+/// All templates, with the words and roundings that they use.
+static ENVIRONMENT: LazyLock<Result<Environment<'static>, minijinja::Error>> =
+    LazyLock::new(environment);
 
-impl Templates {
-    /// With the words and roundings that they use.
-    ///
-    /// # Errors
-    /// None of the templates that the tests fill.
-    pub fn new() -> Result<Self, PageError> {
-        let mut pages = Environment::new();
-        pages.set_undefined_behavior(UndefinedBehavior::Strict);
-        pages.set_trim_blocks(true);
-        pages.set_lstrip_blocks(true);
-        pages.set_keep_trailing_newline(true);
-        pages.set_auto_escape_callback(|_| AutoEscape::Html);
-        pages.set_formatter(written);
-        pages.add_filter("counted", |count: u64, what: String| counted(count, &what));
-        pages.add_filter("duration", duration);
-        pages.add_filter("um", micrometres);
-        pages.add_filter("number", number);
-        pages.add_filter("plain", |value: f64| value.to_string());
-        pages.add_filter("tenths", |value: f64| format!("{value:.1}"));
-        pages.add_filter("percent", percent);
-        pages.add_filter("significant", |value: Option<f64>, digits: usize| {
-            value.map_or_else(dash, |value| significant(value, digits))
-        });
-        pages.add_filter("vectors", |text: String| with_whole_vectors(&text));
-        pages.add_filter("unit", |text: String| micro_sign(&text));
-        for (name, text) in TEMPLATES {
-            pages.add_template(name, text)?;
-        }
-        Ok(Self(pages))
+fn environment() -> Result<Environment<'static>, minijinja::Error> {
+    let mut pages = Environment::new();
+    pages.set_undefined_behavior(UndefinedBehavior::Strict);
+    pages.set_trim_blocks(true);
+    pages.set_lstrip_blocks(true);
+    pages.set_keep_trailing_newline(true);
+    pages.set_auto_escape_callback(|name| match name.rsplit_once('.') {
+        Some((_, "txt")) => AutoEscape::None,
+        Some((_, "md")) => AutoEscape::Custom("Markdown"),
+        _ => AutoEscape::Html,
+    });
+    pages.set_formatter(written);
+    pages.add_filter("counted", |count: u64, what: String| counted(count, &what));
+    pages.add_filter("duration", duration);
+    pages.add_filter("um", micrometres);
+    pages.add_filter("number", number);
+    pages.add_filter("plain", |value: f64| value.to_string());
+    pages.add_filter("tenths", |value: f64| format!("{value:.1}"));
+    pages.add_filter("percent", percent);
+    pages.add_filter("significant", |value: Option<f64>, digits: usize| {
+        value.map_or_else(dash, |value| significant(value, digits))
+    });
+    pages.add_filter("inverse_interval", |low: f64, high: f64| {
+        inverse_interval([low, high])
+    });
+    pages.add_filter("listed", |values: Vec<f64>, decimals: usize| {
+        listed(values, decimals)
+    });
+    pages.add_filter("unbroken", |text: String| unbroken(&text));
+    pages.add_filter("vectors", |text: String| with_whole_vectors(&text));
+    pages.add_filter("unit", |text: String| micro_sign(&text));
+    pages.add_filter("for_page", |text: String| for_page(&text));
+    pages.add_filter("words", |text: String| {
+        joined(text.split_ascii_whitespace(), " ")
+    });
+    for (name, text) in TEMPLATES {
+        pages.add_template(name, text)?;
     }
-
-    /// A template with what it shows.
-    ///
-    /// # Errors
-    /// The template asks for what is not there.
-    pub fn filled(&self, template: &str, shown: &impl Serialize) -> Result<String, PageError> {
-        Ok(self.0.get_template(template)?.render(shown)?)
-    }
-
-    /// A page, which loads nothing, of a template and what it shows; the title stands on the browser's tab.
-    ///
-    /// # Errors
-    /// See [`Templates::filled`].
-    pub fn page(
-        &self,
-        title: &str,
-        template: &str,
-        shown: &impl Serialize,
-    ) -> Result<String, PageError> {
-        let body = self.filled(template, shown)?;
-        let page = json!({ "title": title, "style": STYLE, "body": body });
-        self.filled("page.html", &page)
-    }
+    Ok(pages)
 }
 
-/// Writes a value into a page: text is escaped, and what is not there is nothing.
-fn written(to: &mut Output<'_>, _: &State<'_, '_>, value: &Value) -> Result<(), minijinja::Error> {
-    let text = match value {
-        value if value.is_none() => String::new(),
-        value if value.is_safe() => value.to_string(),
-        value => escaped(&value.to_string()),
+/// A template with what it shows.
+///
+/// # Errors
+/// The template asks for what is not there: none of those that the tests fill.
+pub fn filled(template: &str, shown: &impl Serialize) -> Result<String, PageError> {
+    let templates = ENVIRONMENT.as_ref();
+    let wrong = |error: &minijinja::Error| minijinja::Error::new(error.kind(), error.to_string());
+    Ok(templates
+        .map_err(wrong)?
+        .get_template(template)?
+        .render(shown)?)
+}
+
+/// A page, which loads nothing, of a template and what it shows; the title stands on the browser's tab.
+///
+/// # Errors
+/// See [`filled`].
+pub fn page(title: &str, template: &str, shown: &impl Serialize) -> Result<String, PageError> {
+    let body = filled(template, shown)?;
+    let page = json!({ "title": title, "style": STYLE, "body": body });
+    filled("page.html", &page)
+}
+
+/// Writes a value: text is escaped as the template's kind wants it, and what is not there is nothing.
+fn written(
+    to: &mut Output<'_>,
+    state: &State<'_, '_>,
+    value: &Value,
+) -> Result<(), minijinja::Error> {
+    let text = match (state.auto_escape(), value) {
+        (_, value) if value.is_none() => String::new(),
+        (AutoEscape::None, value) => value.to_string(),
+        (_, value) if value.is_safe() => value.to_string(),
+        (AutoEscape::Custom(_), value) => markdown_text(&value.to_string()),
+        (_, value) => escaped(&value.to_string()),
     };
     Ok(to.write_str(&text)?)
 }

@@ -56,12 +56,10 @@ impl BudgetPlot<'_> {
         let lines = lines.chain([None]).enumerate().flat_map(line);
         let mut series: Vec<Series> = lines.collect();
         if self.minutes.is_none() {
-            let mut bound: Vec<(f64, f64)> = (points.iter())
-                .filter_map(|point| {
-                    Some((f64::from(point.experiments), point.lower_bound_m()? * 1e6))
-                })
-                .filter(|(_, bound)| *bound > 0.0)
-                .collect();
+            let bound_um = |point: &BudgetPoint| Some(point.lower_bound_m()? * 1e6);
+            let bound = (points.iter())
+                .filter_map(|point| Some((f64::from(point.experiments), bound_um(point)?)));
+            let mut bound: Vec<_> = bound.filter(|(_, bound)| *bound > 0.0).collect();
             bound.dedup();
             series.push(Series::new("no plan is below", INK, Mark::Dashed, bound));
         }
@@ -246,16 +244,14 @@ fn panel(pattern: &Pattern) -> Chart {
     let bars: Vec<(f64, f64)> = bars.collect();
     let fitted = pattern.curve(SAMPLES).into_iter();
     let fitted: Vec<_> = fitted.map(|(at, value)| (at, value * factor)).collect();
-    let [x, y] = [
-        bars.iter().map(|point| point.0).collect::<Vec<_>>(),
-        bars.iter().chain(&fitted).map(|point| point.1).collect(),
-    ]
-    .map(|values| {
+    let axis = |values: Vec<f64>| {
         let largest = values
             .iter()
             .fold(1e-9, |most: f64, value| most.max(value.abs()));
         ChartAxis::linear(reach(values, 0.05, 1e-9 * largest), 6)
-    });
+    };
+    let x = axis(bars.iter().map(|point| point.0).collect());
+    let y = axis(bars.iter().chain(&fitted).map(|point| point.1).collect());
     let of_joint = pattern.kind.starts_with("joint").then_some(&pattern.joint);
     let of = naming(of_joint.into_iter().flatten(), " of {}");
     let names = [

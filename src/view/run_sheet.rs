@@ -3,7 +3,7 @@
 use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
-use super::markup::{PageError, Templates};
+use super::markup::{PageError, page};
 use super::stills::Stills;
 use crate::laboratory::sheet::{RunSheet, columns, reads_positions, shows};
 use crate::laboratory::{Campaign, Stop, change_load, hung_kg, set_up, take_off};
@@ -12,7 +12,6 @@ use crate::record::messages::ProvenanceMessage;
 use crate::robot::Load;
 use crate::scenario::Scenario;
 use crate::task::{AccuracyKind, Task, station_named};
-use crate::text::wording::{joined, number, significant};
 
 const STYLE: &str = include_str!("pages/run_sheet.css");
 
@@ -28,8 +27,7 @@ pub fn run_sheet(
     let (task, laboratory) = (&scenario.task, &scenario.laboratory);
     let (instrument, commands) = (&task.belief.instrument, task.belief.commands());
     let plan = &stills.plan;
-    let templates = Templates::new()?;
-    let pictures = stills.pictures(&templates)?;
+    let pictures = stills.pictures();
     let sheet = RunSheet::new(&commands, campaign);
     let places = sheet.places();
     let columns = columns(task);
@@ -39,17 +37,12 @@ pub fn run_sheet(
             .iter()
             .flat_map(|&each| &campaign.stops[each].experiments);
         let shown = |q: &DVector<f64>| commands.shown(q.as_slice());
-        let from = stop.approach.as_ref().map(shown);
-        let joints = shown(&stop.configuration).into_iter().zip(axes).enumerate();
-        let joints = joints.map(|(joint, (at, axis))| {
-            let from = from.as_ref().map(|from| from[joint]);
-            [(*axis).to_owned(), number(from, 3), number(Some(at), 3)]
-        });
         json!({
             "stops": place.iter().map(|each| each + 1).collect::<Vec<_>>(),
-            "picture": experiments.min().map(|&first| &pictures[first].unloaded),
+            "picture": experiments.min().map(|&first| &pictures[first][0]),
             "side": stop.side.words(),
-            "joints": joints.collect::<Vec<_>>(),
+            "from": stop.approach.as_ref().map(shown),
+            "at": shown(&stop.configuration),
         })
     };
     let (mut first, mut hung) = (0, Vec::new());
@@ -60,8 +53,8 @@ pub fn run_sheet(
         let hang = hang(scenario, campaign.load_before(first), stop).map(|mut hang| {
             // Where a load hangs is shown once.
             let is_new = !hung.contains(&stop.load.as_ref());
-            let picture = is_new.then(|| &*pictures[stop.experiments[0]].load);
-            hang["picture"] = picture.into();
+            let picture = is_new.then(|| &pictures[stop.experiments[0]][1]);
+            hang["picture"] = json!(picture);
             hung.push(stop.load.as_ref());
             hang
         });
@@ -79,14 +72,13 @@ pub fn run_sheet(
     let shown = json!({
         "title": title,
         "style": STYLE,
+        "camera": stills.camera.shown(),
         "description": scenario.description,
         "path": scenario.path,
         "provenance": ProvenanceMessage::new(scenario),
-        "laboratory": {
-            "tool_number": laboratory.tool_number,
-            "base_number": laboratory.base_number,
-            "speed_percent": laboratory.speed_percent,
-        },
+        "tool_number": laboratory.tool_number,
+        "base_number": laboratory.base_number,
+        "speed_percent": laboratory.speed_percent,
         "campaign": campaign_json(&commands, &laboratory.costs, campaign),
         "conditions": campaign.conditions(laboratory).iter().map(ToString::to_string).collect::<Vec<_>>(),
         "measurements": plan.measurements(),
@@ -101,46 +93,38 @@ pub fn run_sheet(
         "shows": shows(instrument),
         "home": campaign.home.as_ref().map(|home| sheet.angles(home)),
         "unit": commands.unit(),
+        "axes": axes,
         "columns": columns,
         "places": places.iter().map(place).collect::<Vec<_>>(),
         "groups": groups,
         "take_off": stops.last().filter(|stop| stop.load.is_some()).map(|stop| take_off(stop).to_lowercase()),
     });
-    templates.page(&title, "run_sheet.html", &shown)
+    page(&title, "run_sheet.html", &shown)
 }
 
-/// A place (mm) with the given decimals.
-fn place_mm(place_m: &Vector3<f64>, decimals: usize) -> String {
-    let values = place_m.iter();
-    let values = values.map(|value| number(Some(value * 1e3), decimals));
-    format!("({})", joined(values, ", "))
-}
-
-/// Where the instrument is set up.
+/// Where the instrument is set up, near a place (mm).
 fn set_up_at(task: &Task, name: &str) -> Value {
     let station = station_named(&task.belief.stations, Some(name));
-    json!({ "set_up": set_up(name), "near": station.map(|station| place_mm(&station.position_m, 0)) })
+    json!({ "set_up": set_up(name), "near": station.map(|station| millimetres(&station.position_m)) })
 }
 
-/// Which load is hung where, and what the controller is told; none where it does not change.
+/// Which load is hung where (mm), and what the controller is told; none where it does not change.
 fn hang(scenario: &Scenario, before: Option<&Load>, stop: &Stop) -> Option<Value> {
     let load = stop.load.as_ref().filter(|_| stop.changes_load)?;
     let belief = &scenario.task.belief;
-    let tool = &belief.calibration_tool;
-    let gravity = &belief.nominal.chain.gravity_m_s2;
-    let mass = hung_kg(load, gravity);
-    let size = mass.map_or_else(
-        || format!("{} N together", significant(load.force_n.norm(), 5)),
-        |mass| format!("{} kg", significant(mass, 5)),
-    );
+    let (tool, chain) = (&belief.calibration_tool, &belief.nominal.chain);
     let link = tool.joints.checked_sub(1);
-    let link = link.and_then(|last| belief.nominal.chain.joints.get(last));
+    let link = link.and_then(|last| chain.joints.get(last));
     Some(json!({
-        "change": change_load(before, load, gravity),
-        "size": size,
-        "hangs": mass.is_some(),
+        "change": change_load(before, load, &chain.gravity_m_s2),
+        "mass_kg": hung_kg(load, &chain.gravity_m_s2),
+        "force_n": load.force_n.norm(),
         "tool": tool.name,
-        "at": place_mm(&tool.link_from_tool.translation.vector, 1),
+        "at": millimetres(&tool.link_from_tool.translation.vector),
         "behind": link.map(|joint| &joint.name),
     }))
+}
+
+fn millimetres(place_m: &Vector3<f64>) -> [f64; 3] {
+    (place_m * 1e3).into()
 }

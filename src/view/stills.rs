@@ -12,14 +12,14 @@ use serde_json::{Value, json};
 
 use self::painter::{Camera, Painter};
 use self::scene::{Scene, Scenery};
-use super::markup::{PageError, Templates, unbroken};
+use super::markup::{PageError, filled};
 use crate::experiment::Candidate;
 use crate::numeric::tolerance::ends;
 use crate::plan::{Experiment, Plan};
-use crate::record::messages::ProvenanceMessage;
+use crate::record::messages::{ProvenanceMessage, merge};
 use crate::robot::Load;
 use crate::scenario::Scenario;
-use crate::text::wording::{counted, listed, naming};
+use crate::text::wording::counted;
 
 /// The width of a still and the space between stills (px).
 const STILL_PX: f64 = 400.0;
@@ -41,15 +41,8 @@ pub struct Stills<'a> {
     /// Of a plan of absolute readings: what is read in each experiment, and from where.
     rows: Vec<&'a Candidate>,
     scenery: Scenery,
-    camera: Camera,
-}
-
-/// Pictures of an experiment for the sheet that is taken to the laboratory.
-pub struct Pictures {
-    /// The robot without a load.
-    pub unloaded: String,
-    /// Where its load hangs.
-    pub load: String,
+    /// From where it is seen.
+    pub camera: Camera,
 }
 
 impl<'a> Stills<'a> {
@@ -78,34 +71,43 @@ impl<'a> Stills<'a> {
         }
     }
 
-    /// The stills, each with the numbers over it.
+    /// The stills, each with its experiment.
     fn shown(&self) -> Vec<Value> {
+        let belief = &self.scenario.task.belief;
+        let commands = belief.commands();
+        let own = &belief.calibration_tool.name;
         let both = self.plan.experiments.iter().zip(&self.scenery.scenes);
         let still = |(index, (experiment, scene)): (usize, (&Experiment, &Scene))| {
             let mut still = self.drawn(scene);
-            let [angles, loads] = self.words(index, experiment);
-            still["number"] = (index + 1).into();
-            still["angles"] = angles.into();
-            still["loads"] = loads.into();
-            still["has_load"] = (experiment.load != Load::NONE).into();
-            still["repeats"] = experiment.repeats.into();
+            let Load { force_n, torque_nm } = experiment.load;
+            let reads = self.rows.get(index).map(
+                |row| json!({ "target": row.target.as_ref().unwrap_or(own), "station": row.station }),
+            );
+            let row = json!({
+                "number": index + 1,
+                "q": commands.shown(experiment.configuration_rad.as_slice()),
+                "unit": commands.unit(),
+                "has_load": experiment.load != Load::NONE,
+                "force_n": array(force_n),
+                "torque_nm": Some(torque_nm).filter(|torque| *torque != Vector3::zeros()).map(array),
+                "direction": experiment.direction.map(array),
+                "reads": reads,
+                "repeats": experiment.repeats,
+            });
+            merge(&mut still, row);
             still
         };
         both.enumerate().map(still).collect()
     }
 
     /// The view that turns, and the stills, as figures of a page.
-    ///
-    /// # Errors
-    /// See [`PageError`].
-    pub fn figures(&self) -> Result<String, PageError> {
-        let shown = json!({
+    pub fn figures(&self) -> Value {
+        json!({
             "plan": turning::plan(&self.scenery),
             "script": turning::SCRIPT,
             "stills": self.shown(),
             "camera": self.camera.shown(),
-        });
-        Templates::new()?.filled("stills.html", &shown)
+        })
     }
 
     /// The sheet as an SVG document.
@@ -142,61 +144,19 @@ impl<'a> Stills<'a> {
             "camera": self.camera.shown(),
             "stills": stills,
         });
-        Templates::new()?.filled("stills.svg", &sheet)
+        filled("stills.svg", &sheet)
     }
 
-    /// Pictures of each experiment, for a page of these templates.
-    ///
-    /// # Errors
-    /// See [`PageError`].
-    pub fn pictures(&self, templates: &Templates) -> Result<Vec<Pictures>, PageError> {
-        let picture = |(index, scene): (usize, &Scene)| {
-            let (number, mut still) = (index + 1, self.drawn(scene));
-            let framed = |still: &Value, label: String, is_first: bool| {
-                let camera = self.camera.shown();
-                let shown = json!({ "still": still, "camera": camera, "label": label, "is_first": is_first });
-                templates.filled("framed.svg", &shown)
-            };
-            let label = format!("Where the load of experiment {number} hangs");
-            let whole = still["box"].take();
-            still["box"] = json!(close_up(&self.camera, scene));
-            let load = framed(&still, label, false)?;
-            still["force"] = Value::Null;
-            still["box"] = whole;
-            let label = format!("Experiment {number} without load");
-            let unloaded = framed(&still, label, index == 0)?;
-            Ok(Pictures { unloaded, load })
-        };
-        let scenes = self.scenery.scenes.iter().enumerate();
-        scenes.map(picture).collect()
-    }
-
-    /// The numbers over a still: angles and loads, with what is read, and from where.
-    fn words(&self, index: usize, experiment: &Experiment) -> [String; 2] {
-        let belief = &self.scenario.task.belief;
-        let commands = belief.commands();
-        let q = commands.shown(experiment.configuration_rad.as_slice());
-        let (load, row) = (&experiment.load, self.rows.get(index));
-        let vector = |vector: &Vector3<f64>, decimals| listed(vector.iter().copied(), decimals);
-        let mut loads = match row {
-            Some(_) if *load == Load::NONE => "no load".to_owned(),
-            _ => unbroken(&format!("F = {} N", vector(&load.force_n, 1))),
-        };
-        if load.torque_nm != Vector3::zeros() {
-            loads += &format!(
-                ", {}",
-                unbroken(&format!("T = {} N m", vector(&load.torque_nm, 1)))
-            );
-        }
-        if let Some(direction) = &experiment.direction {
-            loads += &format!("; read along {}", unbroken(&vector(direction, 4)));
-        }
-        if let Some(row) = row {
-            let own = &belief.calibration_tool.name;
-            loads += &format!("; reads {}", row.target.as_ref().unwrap_or(own));
-            loads += &naming(&row.station, " from {}");
-        }
-        [format!("q = {} {}", listed(q, 1), commands.unit()), loads]
+    /// Stills of each experiment for the sheet that is taken to the laboratory: without a load, and of where its load hangs.
+    pub fn pictures(&self) -> Vec<[Value; 2]> {
+        let stills = self.shown().into_iter().zip(&self.scenery.scenes);
+        let both = stills.map(|(mut unloaded, scene)| {
+            let mut load = unloaded.clone();
+            load["box"] = json!(close_up(&self.camera, scene));
+            unloaded["force"] = Value::Null;
+            [unloaded, load]
+        });
+        both.collect()
     }
 
     /// A still (px): the robot, what is read and how, the force; and the part of the picture that they are in.
@@ -215,7 +175,8 @@ impl<'a> Stills<'a> {
         }
         let [width, height] = camera.size_px;
         let shown = part_around(camera, &places, width / height, CLOSEST * width);
-        let sight = scene.sight_ends().map(|[from, to]| {
+        let sight = scene.sight.map(|sight| {
+            let [from, to] = sight.ends_m.map(Point3::from);
             let class = ["tracker", "station"][usize::from(scene.station.is_some())];
             let [x, y] = camera.place(&from);
             let is_in = (shown[0]..shown[0] + shown[2]).contains(&x)
@@ -223,7 +184,7 @@ impl<'a> Stills<'a> {
             json!({
                 "from": [x, y],
                 "to": camera.place(&to),
-                "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge()),
+                "is_gauge": sight.is_gauge,
                 "is_far": !is_in,
                 "class": class,
                 "name": scene.station.as_deref().unwrap_or(class),
@@ -240,6 +201,10 @@ impl<'a> Stills<'a> {
             "box": shown,
         })
     }
+}
+
+fn array(vector: Vector3<f64>) -> [f64; 3] {
+    vector.into()
 }
 
 /// A square around the tool and its load (px), inside the picture.

@@ -1,18 +1,14 @@
 //! Tables of records, for pages, terminals and the texts of recordings alike.
 
-use std::ops::Range;
-
 use crate::calibration::rms_m;
 use crate::identification::{AbsoluteMessage, IdentificationMessage};
-use crate::observation::LengthKind;
 use crate::quantities::units::shown_unit;
-use crate::record::messages::{PlanRowMessage, TestPoseMessage, TruthMessage};
+use crate::record::messages::{TestPoseMessage, TruthMessage};
 use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
-use crate::task::Task;
 use crate::text::table::RecordTable;
-use crate::text::wording::{dash, inverse_interval, joined, listed, number, percent};
-use crate::view::markup::{micro_sign, unbroken};
+use crate::text::wording::{dash, inverse_interval, joined, number, percent};
+use crate::view::markup::micro_sign;
 use crate::workflow::run::TriedPlan;
 
 /// The identified compliances beside the simulated truth; `unit` is a millionth of SI's.
@@ -111,58 +107,6 @@ pub fn unknowns(found: &AbsoluteMessage, truth: &TruthMessage) -> RecordTable {
     )
 }
 
-/// The rows of a plan, whatever is measured: angles and loads, and as far as there are such: torques, the direction of a gauge, what is read from where, and nominal lengths.
-pub fn plan_rows(task: &Task, rows: &[PlanRowMessage]) -> RecordTable {
-    let has_torque = rows.iter().any(|row| {
-        let wrench = row.wrench.as_ref();
-        wrench.is_some_and(|wrench| wrench[3..] != [0.0; 3])
-    });
-    let length_mm = |row: &PlanRowMessage, kind: LengthKind| {
-        let length = row.reads.as_ref()?.length.0;
-        let length = length.filter(|length| length.kind == kind)?;
-        Some(length.length_m * 1e3)
-    };
-    let mut kinds = LengthKind::ALL.to_vec();
-    kinds.retain(|&kind| rows.iter().any(|row| length_mm(row, kind).is_some()));
-    let vector = |values: &[f64]| unbroken(&listed(values.iter().copied(), 4));
-    let half = |row: &PlanRowMessage, half: Range<usize>| {
-        row.wrench.map_or_else(dash, |wrench| vector(&wrench[half]))
-    };
-    let own = &task.belief.calibration_tool.name;
-    let cells = |(index, row): (usize, &PlanRowMessage)| {
-        let mut cells = vec![(index + 1).to_string()];
-        cells.extend(row.q_deg.iter().map(|&angle| number(Some(angle), 3)));
-        cells.push(half(row, 0..3));
-        cells.extend(has_torque.then(|| half(row, 3..6)));
-        if let Some(reads) = &row.reads {
-            cells.push(reads.target.as_ref().unwrap_or(own).clone());
-            cells.push(reads.station.clone().unwrap_or_else(dash));
-        } else if task.reads_along() {
-            let all = || "all coordinates".to_owned();
-            cells.push(row.direction.map_or_else(all, |each| vector(&each)));
-        }
-        cells.push(row.repeats.to_string());
-        let lengths = kinds.iter().map(|&kind| number(length_mm(row, kind), 3));
-        cells.extend(lengths);
-        cells
-    };
-    let columns = task.belief.commands().columns();
-    let angles = columns.iter().map(|column| column.replace('_', " [") + "]");
-    let (first, read) = match rows.first().and_then(|row| row.reads.as_ref()) {
-        Some(_) => ("row", " | reflector | station"),
-        None if task.reads_along() => ("experiment", " | read along"),
-        None => ("experiment", ""),
-    };
-    let torque = if has_torque { " | torque [N m]" } else { "" };
-    let lengths = kinds.iter().map(|kind| format!(" | {} [mm]", kind.name()));
-    let header = format!(
-        "{first} | {} | force [N]{torque}{read} | times{}",
-        joined(angles, " | "),
-        joined(lengths, "")
-    );
-    RecordTable::new(&header, rows.iter().enumerate().map(cells))
-}
-
 /// A condition that a sweep can vary: what it is called, and its value as text.
 pub type Swept = (&'static str, fn(&StudyPlanMessage) -> String);
 
@@ -173,14 +117,14 @@ const SWEPT: [Swept; 3] = [
 ];
 
 /// The conditions that vary between the plans of a study.
-pub fn swept(plans: &[&StudyPlanMessage]) -> Vec<Swept> {
-    let varies = |(_, value): &Swept| plans.iter().any(|runs| value(runs) != value(plans[0]));
+pub fn swept(plans: &[StudyPlanMessage]) -> Vec<Swept> {
+    let varies = |(_, value): &Swept| plans.iter().any(|runs| value(runs) != value(&plans[0]));
     SWEPT.into_iter().filter(varies).collect()
 }
 
 /// What the runs of each plan of a study say, with a column for each condition that varies; and, `with_random`, how many
 /// times as accurate as random plans they are: for pages, where what never failed has no column.
-pub fn study(plans: &[&StudyPlanMessage], with_random: bool) -> RecordTable {
+pub fn study(plans: &[StudyPlanMessage], with_random: bool) -> RecordTable {
     let swept = swept(plans);
     let shows_failed = !with_random || plans.iter().any(|runs| runs.failed > 0);
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e3), 3);

@@ -437,7 +437,7 @@ fn deflections_are_drawn_in_the_right_direction_and_size() {
     let mut largest = 0.0_f64;
     for (_, _, step) in recording.steps() {
         let drawn: Vector3<f64> = step.arms[2].tool_m - step.arms[0].tool_m;
-        let exact = step.displacement_m() * step.enlargement;
+        let exact = step.did.displacement_m() * step.enlargement;
         // Enlarged turns of joints are not small any more: the tool goes along arcs.
         assert!(
             (drawn - exact).norm() < 0.1 * exact.norm() + 1e-4,

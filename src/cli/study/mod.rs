@@ -204,7 +204,7 @@ impl StudyCommand {
         if let Some(observer) = observer {
             observer.finish(own_folder, self.rerun.as_ref(), &mut written);
         }
-        let mut report = results.report(&folder);
+        let mut report = results.report(&folder)?;
         if let Some((shard, shards)) = self.shard {
             let table = match part.header.blocks_of(shard) {
                 0 => format!(

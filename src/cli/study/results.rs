@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use crate::record::study::{StudyPlanMessage, study_csv};
 use crate::record::tally_file::{Header, PlanHeader};
 use crate::study::tally::Tally;
-use crate::view::report::{ABSOLUTE_ACCURACY, Card, best_cards, study_page};
+use crate::view::markup::PageError;
+use crate::view::report::{ABSOLUTE_ACCURACY, cards, study_page};
 use crate::view::tables;
 use crate::workflow::study::{Timing, plan_messages, study_json};
 
@@ -36,24 +37,24 @@ impl Results {
     }
 
     /// Results for stdout, and the conditions that did not hold.
-    pub fn report(&self, folder: &Path) -> Report {
+    ///
+    /// # Errors
+    /// See [`PageError`].
+    pub fn report(&self, folder: &Path) -> Result<Report, PageError> {
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)
         });
-        Report::new(
-            self.json.clone(),
-            format!(
-                "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
-                describe(&self.messages),
-                predictions(&self.messages, self.header.accuracy()),
-                sentence(&self.messages, &self.header),
-                noted(&[self.failures(true), self.unjudged()].concat()),
-                self.header.trials,
-                self.header.level.words(),
-                folder.display()
-            ),
-            self.conditions(),
-        )
+        let text = format!(
+            "{}\n{}{}{}{} runs of each plan, {}{took}. Results are in {}\n",
+            describe(&self.messages),
+            predictions(&self.messages, self.header.accuracy()),
+            sentence(&self.messages, &self.header)?,
+            noted(&[self.failures(true), self.unjudged()].concat()),
+            self.header.trials,
+            self.header.level.words(),
+            folder.display()
+        );
+        Ok(Report::new(self.json.clone(), text, self.conditions()))
     }
 
     fn conditions(&self) -> Vec<Condition> {
@@ -155,7 +156,7 @@ fn failed_runs(message: &StudyPlanMessage) -> Option<String> {
 
 /// The table for a person.
 pub fn describe(messages: &[StudyPlanMessage]) -> String {
-    tables::study(&messages.iter().collect::<Vec<_>>(), false).plain()
+    tables::study(messages, false).plain()
 }
 
 /// What each plan predicted, what its errors are made of, and whether the prediction holds.
@@ -164,7 +165,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
         AccuracyKind::Absolute => format!("{ABSOLUTE_ACCURACY}\n"),
         AccuracyKind::Relative => String::new(),
     };
-    let swept = tables::swept(&messages.iter().collect::<Vec<_>>());
+    let swept = tables::swept(messages);
     for message in messages {
         let conditions = swept.iter();
         let conditions = conditions.map(|(name, value)| format!(", {name} {}", value(message)));
@@ -197,8 +198,7 @@ fn predictions(messages: &[StudyPlanMessage], accuracy: AccuracyKind) -> String 
 }
 
 /// What it comes to under one set of conditions: the best plan against a random one.
-fn sentence(messages: &[StudyPlanMessage], header: &Header) -> String {
+fn sentence(messages: &[StudyPlanMessage], header: &Header) -> Result<String, PageError> {
     let best = header.best(messages).filter(|_| !header.is_swept());
-    let cards = best.map_or_else(Vec::new, best_cards);
-    cards.iter().map(Card::plain).collect()
+    best.map_or_else(|| Ok(String::new()), |best| cards("of_best", &json!(best)))
 }

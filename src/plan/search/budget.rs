@@ -160,7 +160,8 @@ impl BudgetPoint {
 const ENDLESS: u32 = 1_000_000;
 
 /// How a plan gets to an accuracy by repeats.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum RepeatsNeeded {
     /// Measured so many times as a whole.
     Times(u32),

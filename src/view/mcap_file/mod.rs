@@ -150,13 +150,12 @@ impl Channels<'_> {
 
     fn write_steps(&mut self, recording: &Recording) -> Result<(), McapError> {
         let costs = &recording.costs;
-        let mut mounted = None;
         let mut now = Duration::ZERO;
         for calibration in &recording.calibrations {
             for step in &calibration.steps {
                 now += minutes(costs.move_min);
-                if mounted.replace(step.tool()) != Some(step.tool()) {
-                    let change = scene::change_tool(recording, step.tool(), now);
+                if step.changes_tool {
+                    let change = scene::change_tool(recording, step.tool, now);
                     self.draw(SCENE, now, &change)?;
                 }
                 let (commands, did) = (&calibration.commands, &step.did);
@@ -167,7 +166,7 @@ impl Channels<'_> {
                     q_unloaded_deg: commands.all_numbers(&unloaded.q_rad),
                     q_loaded_deg: commands.all_numbers(&loaded.q_rad),
                     wrench: did.load.wrench().into(),
-                    displacement_mm: thousandfold(&step.displacement_m()),
+                    displacement_mm: thousandfold(&step.did.displacement_m()),
                     enlargement: step.enlargement,
                 };
                 let name = &calibration.record.name;

@@ -182,9 +182,7 @@ fn drawing(drawn: &Annotation, now: Duration) -> SceneEntity {
         None => {}
     }
     let label = drawn.label.iter();
-    entity.texts = label
-        .map(|(place, label)| text(place, drawn.rgb, label.clone()))
-        .collect();
+    (entity.texts).extend(label.map(|(place, label)| text(place, drawn.rgb, label.clone())));
     entity
 }
 

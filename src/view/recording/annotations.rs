@@ -16,39 +16,31 @@ const SIGHT_RGB: [u8; 3] = [40, 200, 110];
 /// How long the arrow of a gauge is drawn (m).
 const GAUGE_M: f64 = 0.35;
 
-/// How a target is read, as all pictures show it.
+/// How a target is read, as all pictures show it: by a line of sight, or by an arrow the way that a gauge reads.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum ReadingLine {
-    /// By an instrument that stands there (m).
-    From(Vector3<f64>),
-    /// By a gauge along this direction (unit vector).
-    Along(Vector3<f64>),
+pub struct Sight {
+    /// Whether a gauge reads.
+    pub is_gauge: bool,
+    /// From where to where it is drawn (m).
+    pub ends_m: [Vector3<f64>; 2],
 }
 
-impl ReadingLine {
-    /// Along a gauge's direction, or from a station (m), or from the model's tracker, if something says so.
+impl Sight {
+    /// Of a target (m) along a gauge's direction (unit vector), or from a station (m), or from the model's tracker, if something says so.
     pub fn new(
         instrument: &Instrument,
         state: &State,
+        target_m: Vector3<f64>,
         direction: Option<Vector3<f64>>,
         station_m: Option<Vector3<f64>>,
     ) -> Option<Self> {
         let tracker_m = || Some(state.site(instrument.tracker_site?).0);
-        let along = direction.map(Self::Along);
-        along.or_else(|| station_m.or_else(tracker_m).map(Self::From))
-    }
-
-    /// Whether a gauge reads.
-    pub const fn is_gauge(&self) -> bool {
-        matches!(self, Self::Along(_))
-    }
-
-    /// From where to where it is drawn at a target (m): a line of sight, or an arrow the way that a gauge reads.
-    pub fn ends_m(&self, target_m: Vector3<f64>) -> [Vector3<f64>; 2] {
-        match self {
-            Self::From(place_m) => [*place_m, target_m],
-            Self::Along(direction) => [target_m, target_m + direction * GAUGE_M],
-        }
+        let ends_m = match direction {
+            Some(direction) => [target_m, target_m + direction * GAUGE_M],
+            None => [station_m.or_else(tracker_m)?, target_m],
+        };
+        let is_gauge = direction.is_some();
+        Some(Self { is_gauge, ends_m })
     }
 }
 
@@ -74,7 +66,7 @@ impl Recording {
     pub fn annotations(&self, step: &Step) -> Vec<Annotation> {
         let [tool_m, _, enlarged_m] = step.arms.each_ref().map(|arm| arm.tool_m);
         let label = displacement_label(step);
-        let deflection_m = step.displacement_m() * step.enlargement;
+        let deflection_m = step.did.displacement_m() * step.enlargement;
         let force = step.force_arrow_m;
         let force = force.map(|force| [enlarged_m, enlarged_m + force]);
         let mut drawn = vec![
@@ -101,11 +93,11 @@ impl Recording {
         ];
         let sights = [("tracker_line", false, 0.006), ("gauge", true, 0.022)];
         for ((name, is_gauge, radius_m), is_known) in sights.into_iter().zip(self.has_sights) {
-            let sight = step.sight.filter(|sight| sight.is_gauge() == is_gauge);
+            let sight = step.sight.filter(|sight| sight.is_gauge == is_gauge);
             drawn.extend(is_known.then(|| Annotation {
                 name,
                 is_arrow: is_gauge,
-                ends_m: sight.map(|sight| sight.ends_m(tool_m)),
+                ends_m: sight.map(|sight| sight.ends_m),
                 radius_m,
                 rgb: SIGHT_RGB,
                 label: None,
@@ -123,7 +115,7 @@ impl Recording {
 
 /// The deflection of the tool as it is drawn, in words; none where nothing bends it.
 fn displacement_label(step: &Step) -> Option<String> {
-    let length_mm = step.displacement_m().norm() * 1e3;
+    let length_mm = step.did.displacement_m().norm() * 1e3;
     let (length, times) = (micrometres(Some(length_mm)), step.enlargement);
     (length_mm > 0.0).then(|| format!("{length} (drawn {times} times as long)"))
 }

@@ -23,16 +23,15 @@ pub(super) fn bodies(scenario: &Scenario) -> Result<(Vec<Body>, Vec<Body>), Cali
     let tool_body = |tool| -> Result<usize, CalibrationError> {
         Ok(model.site_body(model.site(tool_name(scenario, tool))?).0)
     };
-    let calibration = (ShownTool::Calibration, tool_body(ShownTool::Calibration)?);
-    let machining = (ShownTool::Machining, tool_body(ShownTool::Machining)?);
+    let calibration = tool_body(ShownTool::Calibration)?;
+    let machining = tool_body(ShownTool::Machining)?;
     // A tool is unmounted only where it is a body of its own that does not carry the other.
     let only_with = |body| {
-        let pairs = [(calibration, machining), (machining, calibration)];
-        let is_alone = |(own, other): &((_, usize), (_, usize))| {
-            body == own.1 && ancestors(model, other.1).all(|carrier| carrier != body)
+        let is_alone = |own: usize, other: usize| {
+            body == own && ancestors(model, other).all(|carrier| carrier != body)
         };
-        let found = pairs.into_iter().find(is_alone);
-        found.map(|((tool, _), _)| tool)
+        let of_calibration = is_alone(calibration, machining).then_some(ShownTool::Calibration);
+        of_calibration.or(is_alone(machining, calibration).then_some(ShownTool::Machining))
     };
     let mut state = State::new(model);
     state.update_kinematics();

@@ -19,10 +19,10 @@ use crate::study::carried_out::{CarriedOut, CarriedOutRow};
 use crate::task::Task;
 use crate::testbed::Truth;
 use crate::text::wording::joined;
-pub use annotations::{Annotation, ReadingLine};
+pub use annotations::{Annotation, Sight};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
-use steps::{Stage, enlarge};
+use steps::{Stage, steps};
 
 /// Half of what is in view, upwards and across, over the distance; and how much farther away the eye is, since arms are thick.
 const IN_VIEW: [f64; 2] = [0.52, 0.65];
@@ -109,6 +109,10 @@ pub struct Step {
     pub title: String,
     /// The number of the experiment, or of the row of absolute readings, in the plan from 1; none of a test pose.
     pub number: Option<usize>,
+    /// The tool that is mounted.
+    pub tool: ShownTool,
+    /// Whether another one was mounted before, or none.
+    pub changes_tool: bool,
     /// What the robot did.
     pub did: CarriedOutRow,
     /// The arm without load, at a test pose where it is wanted; under the load; and loaded with its joints' deflections enlarged, as it is
@@ -119,7 +123,7 @@ pub struct Step {
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
     pub force_arrow_m: Option<Vector3<f64>>,
     /// How it is read, if somebody says.
-    pub sight: Option<ReadingLine>,
+    pub sight: Option<Sight>,
 }
 
 /// The arm standing somewhere.
@@ -132,30 +136,14 @@ pub struct ShownArm {
 }
 
 impl Step {
-    /// The tool that is mounted.
-    pub const fn tool(&self) -> ShownTool {
-        match self.number {
-            Some(_) => ShownTool::Calibration,
-            None => ShownTool::Machining,
-        }
-    }
-
     /// The load in words: "2500 N", "300 N and 20 N m"; none without one.
     pub fn load_label(&self) -> Option<String> {
         let load = &self.did.load;
-        let parts = [(load.force_n, "N"), (load.torque_nm, "N m")];
-        let parts = parts.map(|(part, unit)| (part.norm(), unit));
-        let parts = parts.into_iter().filter(|(size, _)| *size > 0.0);
-        let words = joined(
-            parts.map(|(size, unit)| format!("{size:.0} {unit}")),
-            " and ",
-        );
+        let parts = [(load.force_n, "N"), (load.torque_nm, "N m")].into_iter();
+        let parts = parts.filter(|(part, _)| part.norm() > 0.0);
+        let parts = parts.map(|(part, unit)| format!("{:.0} {unit}", part.norm()));
+        let words = joined(parts, " and ");
         (!words.is_empty()).then_some(words)
-    }
-
-    /// Loaded minus unloaded position of the tool (m), true to scale and without the instrument's errors.
-    pub fn displacement_m(&self) -> Vector3<f64> {
-        self.arms[1].tool_m - self.arms[0].tool_m
     }
 }
 
@@ -194,23 +182,21 @@ impl Recording {
     pub fn new(scenario: &Scenario, plans: &[CarriedOutPlan]) -> Result<Self, CalibrationError> {
         let belief = &scenario.task.belief;
         let (surroundings, links) = bodies(scenario)?;
-        let mut stage = Stage::new(scenario, &links);
-        let mut calibrations = Vec::new();
-        for plan in plans {
-            calibrations.push(RecordedCalibration {
-                record: plan.run.clone(),
-                commands: belief.commands(),
-                compliance_unit: belief.compliance_unit("1e-6"),
-                steps: stage.steps(&plan.run, &plan.did),
-            });
-        }
-        for tool in [ShownTool::Calibration, ShownTool::Machining] {
-            enlarge(scenario, tool, &mut calibrations, &mut stage)?;
-        }
+        let rows = plans.iter().flat_map(|plan| &plan.did.rows);
+        let mut experiments = Stage::new(scenario, &links, ShownTool::Calibration, rows)?;
+        let rows = plans.iter().flat_map(|plan| plan.did.test_poses.iter());
+        let mut test_poses = Stage::new(scenario, &links, ShownTool::Machining, rows.flatten())?;
+        let calibration = |plan: &CarriedOutPlan| RecordedCalibration {
+            record: plan.run.clone(),
+            commands: belief.commands(),
+            compliance_unit: belief.compliance_unit("1e-6"),
+            steps: steps(plan, &mut experiments, &mut test_poses),
+        };
+        let calibrations: Vec<_> = plans.iter().map(calibration).collect();
         let steps = || calibrations.iter().flat_map(|each| &each.steps);
         let has = |is_gauge| {
             let mut sights = steps().filter_map(|step| step.sight);
-            sights.any(|sight| sight.is_gauge() == is_gauge)
+            sights.any(|sight| sight.is_gauge == is_gauge)
         };
         Ok(Self {
             provenance: ProvenanceMessage::new(scenario),
@@ -238,11 +224,10 @@ impl Recording {
             links.chain([arm.tool_m])
         });
         let places: Vec<Vector3<f64>> = places.collect();
-        let extreme = |of: fn(&Vector3<f64>, &Vector3<f64>) -> Vector3<f64>| {
-            let all = places.iter().copied();
-            all.reduce(|one, other| of(&one, &other))
-        };
-        let centre = (extreme(Vector3::inf)? + extreme(Vector3::sup)?) / 2.0;
+        let all = || places.iter().copied();
+        let low = all().reduce(|one, other| one.inf(&other))?;
+        let high = all().reduce(|one, other| one.sup(&other))?;
+        let centre = (low + high) / 2.0;
         let reach: Vector3<f64> = arms().map(|arm| arm.tool_m).sum();
         let aside = Vector3::new(reach.y, -reach.x, 0.0).try_normalize(f64::MIN_POSITIVE);
         let towards = (aside.unwrap_or(-Vector3::y()) + Vector3::z() * 0.4).normalize();

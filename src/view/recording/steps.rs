@@ -1,13 +1,13 @@
 //! What the virtual robot does in each experiment and test pose.
 
-use nalgebra::Vector3;
+use nalgebra::Isometry3;
 
-use super::{Body, ReadingLine, RecordedCalibration, ShownArm, ShownTool, Step, tool_name};
+use super::{Body, CarriedOutPlan, ShownArm, ShownTool, Sight, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
-use crate::record::run::{MeasuredMessage, RunMessage};
+use crate::record::run::MeasuredMessage;
 use crate::scenario::Scenario;
-use crate::study::carried_out::{CarriedOut, CarriedOutRow};
+use crate::study::carried_out::CarriedOutRow;
 use crate::task::Instrument;
 
 /// The largest deflection of experiments, and that of test poses, is drawn about this long (m).
@@ -16,99 +16,115 @@ const DRAWN_DEFLECTION_M: f64 = 0.25;
 /// The largest force in experiments, and that in test poses, is drawn this long (m).
 const FORCE_ARROW_M: f64 = 0.6;
 
-/// A simulation that is put where the virtual robot has been seen.
+/// A simulation that is put where the virtual robot has been seen with one tool. All its steps are drawn to one scale, so that they can be
+/// compared.
 pub(super) struct Stage {
     state: State,
     links: Vec<usize>,
     instrument: Instrument,
+    tool: ShownTool,
+    site: usize,
+    /// How many times deflections are enlarged.
+    enlargement: f64,
+    /// The largest force (N).
+    largest_n: f64,
 }
 
 impl Stage {
-    pub(super) fn new(scenario: &Scenario, links: &[Body]) -> Self {
-        Self {
-            state: State::new(&scenario.truth.robot.model),
+    /// For links and for rows as they were carried out.
+    pub(super) fn new<'r>(
+        scenario: &Scenario,
+        links: &[Body],
+        tool: ShownTool,
+        rows: impl Iterator<Item = &'r CarriedOutRow>,
+    ) -> Result<Self, CalibrationError> {
+        let model = &scenario.truth.robot.model;
+        let [mut largest_m, mut largest_n] = [0.0_f64; 2];
+        for row in rows {
+            largest_m = largest_m.max(row.displacement_m().norm());
+            largest_n = largest_n.max(row.load.force_n.norm());
+        }
+        Ok(Self {
+            state: State::new(model),
             links: links.iter().map(|body| body.id).collect(),
             instrument: scenario.task.belief.instrument,
-        }
+            tool,
+            site: model.site(tool_name(scenario, tool))?,
+            enlargement: round_factor(DRAWN_DEFLECTION_M / largest_m),
+            largest_n,
+        })
     }
 
-    /// The arm of a virtual robot at rest: the links of a run's robot are elsewhere by what nobody sees, and the tool is where it was
-    /// observed.
-    fn arm(&mut self, coordinates: &[f64], tool_m: Vector3<f64>) -> ShownArm {
+    /// Where the links of a robot with these coordinates are.
+    fn links(&mut self, coordinates: &[f64]) -> Vec<Isometry3<f64>> {
         self.state.set_coordinates(coordinates);
         self.state.update_kinematics();
         let links = self.links.iter();
-        ShownArm {
-            world_from_link: links.map(|&body| self.state.body_pose(body)).collect(),
-            tool_m,
-        }
+        links.map(|&body| self.state.body_pose(body)).collect()
     }
 
     fn step(&mut self, title: String, number: Option<usize>, did: &CarriedOutRow) -> Step {
-        let arms = (did.rests.each_ref()).map(|rest| self.arm(&rest.coordinates, rest.place_m));
-        let sight = ReadingLine::new(&self.instrument, &self.state, did.direction, did.station_m);
-        let [unloaded, loaded] = arms;
+        // The links of a run's robot are elsewhere by what nobody sees, and the tool is where it was observed.
+        let [unloaded, loaded] = did.rests.each_ref().map(|rest| ShownArm {
+            world_from_link: self.links(&rest.coordinates),
+            tool_m: rest.place_m,
+        });
+        let sight = Sight::new(
+            &self.instrument,
+            &self.state,
+            unloaded.tool_m,
+            did.direction,
+            did.station_m,
+        );
+        let [from, to] = did.rests.each_ref().map(|rest| &rest.coordinates);
+        let each = from.iter().zip(to);
+        let enlarged = each.map(|(from, to)| from + self.enlargement * (to - from));
+        let enlarged = ShownArm {
+            world_from_link: self.links(&enlarged.collect::<Vec<_>>()),
+            tool_m: self.state.site(self.site).0,
+        };
+        let force_n = did.load.force_n;
+        let arrow = || force_n * (FORCE_ARROW_M / self.largest_n);
         Step {
             title,
             number,
+            tool: self.tool,
+            changes_tool: false,
             did: did.clone(),
-            arms: [unloaded, loaded.clone(), loaded],
-            enlargement: 1.0,
-            force_arrow_m: None,
+            arms: [unloaded, loaded, enlarged],
+            enlargement: self.enlargement,
+            force_arrow_m: (force_n.norm() > 0.0).then(arrow),
             sight: sight.filter(|_| number.is_some()),
         }
     }
-
-    /// The steps of a plan as it was carried out.
-    pub(super) fn steps(&mut self, record: &RunMessage, did: &CarriedOut) -> Vec<Step> {
-        let how = match record.measured {
-            MeasuredMessage::Deflections { .. } => ["not compensated", "compensated"],
-            MeasuredMessage::Readings { .. } => ["by the nominal robot", "by the identified robot"],
-        };
-        let mut steps = Vec::new();
-        for (number, row) in (1..).zip(&did.rows) {
-            steps.push(self.step(record.row_title(number), Some(number), row));
-        }
-        for (pose, both) in record.test_poses.iter().zip(&did.test_poses) {
-            for (how, row) in how.iter().zip(both) {
-                let title = format!("test pose {:?}, {how}", pose.name);
-                steps.push(self.step(title, None, row));
-            }
-        }
-        steps
-    }
 }
 
-/// Gives all steps with the same tool the same enlargement and scale of forces, so that they can be compared.
-pub(super) fn enlarge(
-    scenario: &Scenario,
-    tool: ShownTool,
-    calibrations: &mut [RecordedCalibration],
-    stage: &mut Stage,
-) -> Result<(), CalibrationError> {
-    let site = scenario.truth.robot.model.site(tool_name(scenario, tool))?;
-    let mut steps: Vec<_> = (calibrations.iter_mut())
-        .flat_map(|calibration| &mut calibration.steps)
-        .filter(|step| step.tool() == tool)
-        .collect();
-    let largest = (steps.iter())
-        .map(|step| step.displacement_m().norm())
-        .fold(0.0, f64::max);
-    let factor = round_factor(DRAWN_DEFLECTION_M / largest);
-    let forces_n = steps.iter().map(|step| step.did.load.force_n.norm());
-    let largest_n = forces_n.fold(0.0, f64::max);
-    for step in &mut steps {
-        let [from, to] = &step.did.rests;
-        let each = from.coordinates.iter().zip(&to.coordinates);
-        let enlarged = each.map(|(unloaded, loaded)| unloaded + factor * (loaded - unloaded));
-        let enlarged: Vec<f64> = enlarged.collect();
-        step.enlargement = factor;
-        step.arms[2] = stage.arm(&enlarged, Vector3::zeros());
-        step.arms[2].tool_m = stage.state.site(site).0;
-        let force_n = step.did.load.force_n;
-        step.force_arrow_m = (force_n.norm() > 0.0).then(|| force_n * (FORCE_ARROW_M / largest_n));
+/// The steps of a plan as it was carried out, on the stages of experiments and of test poses.
+pub(super) fn steps(
+    plan: &CarriedOutPlan,
+    experiments: &mut Stage,
+    test_poses: &mut Stage,
+) -> Vec<Step> {
+    let (record, did) = (&plan.run, &plan.did);
+    let how = match record.measured {
+        MeasuredMessage::Deflections { .. } => ["not compensated", "compensated"],
+        MeasuredMessage::Readings { .. } => ["by the nominal robot", "by the identified robot"],
+    };
+    let mut steps: Vec<Step> = Vec::new();
+    for (number, row) in (1..).zip(&did.rows) {
+        steps.push(experiments.step(record.row_title(number), Some(number), row));
     }
-    Ok(())
+    for (pose, both) in record.test_poses.iter().zip(&did.test_poses) {
+        for (how, row) in how.iter().zip(both) {
+            let title = format!("test pose {:?}, {how}", pose.name);
+            steps.push(test_poses.step(title, None, row));
+        }
+    }
+    let mut mounted = None;
+    for step in &mut steps {
+        step.changes_tool = mounted.replace(step.tool) != Some(step.tool);
+    }
+    steps
 }
 
 /// The nearest of 1, 2, 3, 5, 10, 20, 30, 50 and so on; 1 where there is nothing to enlarge.

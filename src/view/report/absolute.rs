@@ -3,17 +3,14 @@
 use serde_json::{Value, json};
 
 use super::PlanPage;
-use super::cards::{Card, conditions_card, readings_cards, verdict_card};
+use super::cards::of_readings;
 use super::distances::{distances, lines};
 use super::test_poses::test_poses;
 use crate::identification::AbsoluteMessage;
 use crate::quantities::units::shown_unit;
 use crate::record::absolute_plan::{AbsolutePlanMessage, PredictedUnknownMessage};
 use crate::record::robot_trials::RobotTrials;
-use crate::study::verdict::Kept;
-use crate::text::table::RecordTable;
-use crate::text::wording::significant;
-use crate::view::markup::{PageError, Templates, for_page, micro_sign};
+use crate::view::markup::{PageError, micro_sign, page};
 use crate::view::tables;
 use crate::workflow::run::{AbsoluteRun, RUN};
 
@@ -32,70 +29,51 @@ pub fn absolute_page(
     run: Option<&AbsoluteRun<'_>>,
 ) -> Result<String, PageError> {
     let scenario = shown.scenario;
-    let mut cards = readings_cards(plan, run);
-    if let Some(trials) = trials {
-        let is_kept = trials.prediction == Kept::Holds;
-        let verdict = trials.runs.verdict.as_deref().unwrap_or_default();
-        cards.push(verdict_card(is_kept, verdict, trials.outcome()));
-    }
-    if !plan.assumed_exact.is_empty() {
-        let about = plan.assumed_exact.join("; ") + ".";
-        let answer = "not all is in the prediction";
-        cards.push(Card::new("bad", "Assumed exact", answer, about));
-    }
-    cards.extend(conditions_card(shown.conditions));
     let has_poses = plan.test_poses.len() > 1 || run.is_some();
     let test_poses = has_poses.then(|| {
-        let predicted_mm: Vec<_> = plan.test_poses.iter().map(|pose| pose.rho0_mm).collect();
+        let predicted_mm = plan.test_poses.iter().map(|pose| pose.rho0_mm);
         let observed = run.map(|run| (&*run.record.test_poses, "of the nominal robot"));
         let poses = &scenario.task.test_poses;
-        test_poses(poses, &predicted_mm, plan.rho0_mm, observed)
+        test_poses(poses, predicted_mm, plan.rho0_mm, observed)
     });
     let budget = plan.uncertainty_budget.as_ref();
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), &plan.plan);
-    let has_logarithms = plan.unknowns.iter().any(|each| each.unit == "1");
-    let unknowns = json!({ "table": unknowns(&plan.unknowns), "has_logarithms": has_logarithms });
+    let of_plan = shown.shown(budget, test_poses.as_ref(), &plan.plan);
     let json = json!({
-        "page": page,
+        "page": of_plan,
+        "readings": of_readings(plan, run),
         "trials": trials.map(of_trials),
         "run": run.map(identified),
-        "unknowns": unknowns,
+        "unknowns": plan.unknowns.iter().map(unknown).collect::<Vec<_>>(),
     });
     let tab = match run {
         Some(_) => "calibration report",
         None => "plan of absolute readings",
     };
     let title = format!("{}: {tab}", scenario.name);
-    Templates::new()?.page(&title, "readings.html", &json)
+    page(&title, "readings.html", &json)
 }
 
 /// The verdict in words, the distances that were left, and the numbers.
 fn of_trials(trials: &RobotTrials) -> Value {
-    let lines = lines(std::slice::from_ref(&trials.runs), |_| false);
+    let only = std::slice::from_ref(&trials.runs);
     json!({
-        "outcome": for_page(&trials.outcome()),
+        "outcome": trials.outcome(),
+        "prediction": trials.prediction,
         "runs": trials.runs,
-        "distances": distances(&lines),
+        "distances": distances(only, &lines(only, |_| false)),
     })
 }
 
-/// All unknowns, with how well each is known afterwards.
-fn unknowns(unknowns: &[PredictedUnknownMessage]) -> RecordTable {
-    let rows = unknowns.iter().map(|unknown| {
-        let (factor, unit) = shown_unit(&unknown.unit);
-        let error = unknown.standard_error;
-        let error = error.map(|error| significant(error * factor, 3));
-        vec![
-            unknown.name.clone(),
-            error.unwrap_or_else(|| "not by itself".to_owned()),
-            micro_sign(unit),
-            match &unknown.mounted {
-                Some(mounted) => format!("{} ({mounted})", unknown.what),
-                None => unknown.what.clone(),
-            },
-        ]
-    });
-    RecordTable::new("unknown | standard error | unit | what it is", rows)
+/// How well an unknown is known afterwards.
+fn unknown(unknown: &PredictedUnknownMessage) -> Value {
+    let (factor, unit) = shown_unit(&unknown.unit);
+    json!({
+        "name": unknown.name,
+        "error": unknown.standard_error.map(|error| error * factor),
+        "unit": micro_sign(unit),
+        "what": unknown.what,
+        "mounted": unknown.mounted,
+    })
 }
 
 /// What was identified, beside the simulated truth.
@@ -103,10 +81,7 @@ fn identified(run: &AbsoluteRun<'_>) -> Value {
     let found = AbsoluteMessage::new(&run.identified.case, &run.identified.fit);
     json!({
         "number": RUN,
-        "readings": found.readings,
-        "left_out": found.left_out,
-        "distance_mm": found.distance_mm,
-        "discrepancy_mm": found.discrepancy_mm,
+        "found": found,
         "table": tables::unknowns(&found, &run.record.truth),
     })
 }

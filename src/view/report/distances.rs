@@ -36,12 +36,11 @@ fn with_runs<'a>(lines: &[PlanLine<'a>]) -> Vec<PlanLine<'a>> {
 }
 
 /// What the runs came to: the figure of their distances, and the numbers below it.
-pub fn distances(lines: &[PlanLine<'_>]) -> Value {
-    let plans: Vec<_> = lines.iter().map(|(runs, _)| *runs).collect();
-    let expected = each_once(plans.iter().map(|runs| runs.nees_expected.to_string()));
+pub fn distances(plans: &[StudyPlanMessage], lines: &[PlanLine<'_>]) -> Value {
+    let expected = each_once(plans.iter().map(|runs| runs.nees_expected));
     json!({
         "figure": distances_figure(lines),
-        "table": tables::study(&plans, true),
+        "table": tables::study(plans, true),
         "nees_expected": joined(expected, ", "),
     })
 }
@@ -53,30 +52,26 @@ fn distances_figure(lines: &[PlanLine<'_>]) -> Value {
     let outlines: Vec<_> = (lines.iter().map(|(runs, _)| outline(runs, &range))).collect();
     let highest =
         (outlines.iter().flatten()).fold(f64::MIN_POSITIVE, |most, corner| most.max(corner.1));
-    let note = |runs: &StudyPlanMessage| format!("mean {}", micrometres(runs.mean_mm));
-    let hills = lines.iter().enumerate().flat_map(|(row, (runs, colour))| {
+    let (mut rows, mut hills) = (Vec::new(), Vec::new());
+    for (row, ((runs, colour), outline)) in lines.iter().zip(&outlines).enumerate() {
+        let note = format!("mean {}", micrometres(runs.mean_mm));
         let foot = middle(lines.len(), row) - 0.46;
-        let corners = outlines[row].iter();
-        let shape: Vec<_> = corners
+        let shape = outline.iter();
+        let shape: Vec<_> = shape
             .map(|(x, share)| (*x, foot + FILL * share / highest))
             .collect();
         let ends = [shape.last(), shape.first()].into_iter().flatten();
-        let ends = ends.map(|(x, _)| (*x, foot));
-        let closed: Vec<_> = shape.iter().copied().chain(ends).collect();
-        let inside = |x: &f64| range.contains(x);
-        let mean = runs.mean_mm.map(logarithm).filter(inside).into_iter();
-        let mean = mean.flat_map(|mean| [(mean, foot), (mean, foot + FILL)]);
-        [
-            Series::new("", colour, Mark::Area(0.35), closed),
+        let ends: Vec<_> = ends.map(|(x, _)| (*x, foot)).collect();
+        let mean = runs.mean_mm.map(logarithm).filter(|x| range.contains(x));
+        let mean = mean.map(|mean| [(mean, foot), (mean, foot + FILL)]);
+        hills.extend([
+            Series::new("", colour, Mark::Area(0.35), [&*shape, &ends].concat()),
             Series::new("", colour, Mark::Line, shape),
-            Series::new("", INK, Mark::Segments(4.0), mean)
-                .tipped(|_, _, _| format!("{}: {}", runs.name, note(runs))),
-        ]
-    });
-    let hills = hills.collect();
-    let rows = lines
-        .iter()
-        .map(|(runs, _)| (runs.name.clone(), note(runs)));
+            Series::new("", INK, Mark::Segments(4.0), mean.into_iter().flatten())
+                .tipped(|_, _, _| format!("{}: {note}", runs.name)),
+        ]);
+        rows.push((runs.name.clone(), note));
+    }
     let axis = ChartAxis::logarithmic(range.clone());
     let chart = Chart::of_rows(rows, axis, ERRORS, hills);
     chart.figure(WHOLE, "Distribution of the residual error of each plan")
@@ -89,23 +84,20 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> Value {
         Some((&runs.name, [low, runs.mean_mm?, high], colour))
     });
     let means: Vec<_> = means.collect();
-    let rows = means.iter().map(|(name, ends_mm, _)| {
-        let [low, mean, high] = ends_mm.map(|end| format!("{:.2}", end * 1e3));
-        ((*name).clone(), format!("{mean} ({low} to {high})"))
-    });
     let ends = means
         .iter()
         .flat_map(|(_, ends_mm, _)| ends_mm.map(logarithm));
     let axis = ChartAxis::logarithmic(reach(ends, 0.0, 0.08));
-    let intervals = means
-        .iter()
-        .enumerate()
-        .flat_map(|(row, (name, ends_mm, colour))| {
-            Series::interval(ends_mm.map(logarithm), middle(means.len(), row), colour)
-                .map(|each| each.tipped(|_, x, _| format!("{name}: {:.2} \u{b5}m", 10_f64.powf(x))))
-        });
+    let (mut rows, mut intervals) = (Vec::new(), Vec::new());
+    for (row, (name, ends_mm, colour)) in means.iter().enumerate() {
+        let [low, mean, high] = ends_mm.map(|end| format!("{:.2}", end * 1e3));
+        rows.push(((*name).clone(), format!("{mean} ({low} to {high})")));
+        let interval = Series::interval(ends_mm.map(logarithm), middle(means.len(), row), colour);
+        let tip = |_: &str, x: f64, _| format!("{name}: {:.2} \u{b5}m", 10_f64.powf(x));
+        intervals.extend(interval.map(|each| each.tipped(tip)));
+    }
     let title = "mean residual error [\u{b5}m], logarithmic";
-    let chart = Chart::of_rows(rows, axis, title, intervals.collect());
+    let chart = Chart::of_rows(rows, axis, title, intervals);
     let name = "Mean residual error of each plan with its 95 % interval";
     chart.figure(WHOLE, name)
 }

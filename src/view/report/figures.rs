@@ -33,10 +33,8 @@ pub fn accuracy_figure(evidence: &EvidenceMessage, own_experiments: u32) -> Valu
     let bound = (1..).map(f64::from).zip(bounds_mm);
     let bound = bound.filter_map(|(m, bound)| Some((m, (*bound)? * 1e3)));
     let bound = bound.filter(|(m, bound)| *m >= first && *bound > 0.0);
-    let (found, repeated) = (
-        points.iter().map(micro),
-        evidence.repeated.iter().map(micro),
-    );
+    let found = points.iter().map(micro);
+    let repeated = evidence.repeated.iter().map(micro);
     let [blue, orange, ..] = COLOURS;
     let series = [
         Series::new("no plan is below", INK, Mark::Dashed, bound),
@@ -85,23 +83,23 @@ pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -
         Some([low, (*value)?, high].map(|value| 100.0 * (value / truth - 1.0)))
     });
     let errors: Vec<Option<[f64; 3]>> = errors.collect();
-    let note = |error: &Option<[f64; 3]>| match error {
-        Some([_, error, _]) => {
-            let sign = if *error < 0.0 { "" } else { "+" };
-            sign.to_owned() + &percent(Some(error / 100.0), 1)
-        }
-        None => "not determined".to_owned(),
-    };
     let ends = errors.iter().flatten().flatten();
     let high = 1.08 * ends.fold(0.1, |widest: f64, end| widest.max(end.abs()));
-    let rows = found.parameters.iter().cloned();
-    let rows = rows.zip(errors.iter().map(note));
     let count = errors.len();
     let upwards = [(0.0, 0.0), (0.0, count as f64)];
     let mut series = vec![Series::new("", INK, Mark::Segments(2.0), upwards)];
-    for (row, ends) in errors.iter().enumerate() {
+    let mut rows = Vec::new();
+    for (row, (name, ends)) in found.parameters.iter().zip(&errors).enumerate() {
+        let note = match ends {
+            Some([_, error, _]) => {
+                let sign = if *error < 0.0 { "" } else { "+" };
+                sign.to_owned() + &percent(Some(error / 100.0), 1)
+            }
+            None => "not determined".to_owned(),
+        };
+        rows.push((name.clone(), note));
         let interval = ends.map(|ends| Series::interval(ends, middle(count, row), COLOURS[0]));
-        let tip = |_: &str, x: f64, _| format!("{}: {x:.2} %", found.parameters[row]);
+        let tip = |_: &str, x: f64, _| format!("{name}: {x:.2} %");
         series.extend(interval.into_iter().flatten().map(|each| each.tipped(tip)));
     }
     let axis = ChartAxis::linear(-high..high, 6);

@@ -17,7 +17,7 @@ use std::path::Path;
 
 use serde_json::{Value, json};
 
-use super::markup::{PageError, Templates};
+use super::markup::{PageError, page};
 use super::tables;
 use crate::calibration::Calibration;
 use crate::codes::Condition;
@@ -28,22 +28,21 @@ use crate::record::messages::{PlanRowMessage, ProvenanceMessage};
 use crate::scenario::Scenario;
 use crate::text::wording::{joined, micrometres, shell_path};
 use crate::workflow::run::RunOutcome;
-use cards::checks_card;
 use distances::{distances, lines};
 use figures::{accuracy_figure, compliances_figure, residuals_figure};
 use test_poses::test_poses;
 
 pub use absolute::{ABSOLUTE_ACCURACY, absolute_page};
-pub use cards::{Card, readings_cards, run_cards};
-pub use study::{best_cards, study_page};
+pub use cards::{cards, of_readings, of_run};
+pub use study::study_page;
 
 /// What a page about a plan has, whatever is measured.
 #[derive(Debug, Clone, Copy)]
 pub struct PlanPage<'a> {
     /// The scenario.
     pub scenario: &'a Scenario,
-    /// The robot in each configuration (HTML).
-    pub stills: &'a str,
+    /// The robot in each configuration, see [`Stills::figures`](super::stills::Stills::figures).
+    pub stills: &'a Value,
     /// What must be looked at.
     pub conditions: &'a [Condition],
     /// Where it comes from.
@@ -57,27 +56,33 @@ pub struct PlanPage<'a> {
 }
 
 impl PlanPage<'_> {
-    /// What it shows: cards, the budget where it has more than the instrument's noise, what is at each test pose, and the plan's rows.
+    /// What it shows: the budget where it has more than the instrument's noise, what is at each test pose, and the plan's rows.
     fn shown(
         &self,
-        cards: &[Card],
         budget: Option<&UncertaintyBudget>,
         test_poses: Option<&Value>,
         plan: &[PlanRowMessage],
     ) -> Value {
         let scenario = self.scenario;
+        let belief = &scenario.task.belief;
+        let columns = belief.commands().columns().into_iter();
+        let angles = columns.map(|column| column.replace('_', " [") + "]");
+        let turns = |row: &PlanRowMessage| row.wrench.is_some_and(|wrench| wrench[3..] != [0.0; 3]);
         json!({
             "name": scenario.name,
             "description": scenario.description,
-            "cards": cards,
+            "conditions": texts(self.conditions),
             "budget": budget.filter(|budget| budget.has_more_than_noise()),
             "test_poses": test_poses,
             "path": shell_path(&scenario.path),
             "plan": shell_path(self.plan),
             "groups": joined(self.parameters.iter().map(|group| group.word()), ","),
             "stills": self.stills,
-            "reads_along": scenario.task.belief.instrument.reads_along(),
-            "rows": tables::plan_rows(&scenario.task, plan),
+            "reads_along": belief.instrument.reads_along(),
+            "rows": plan,
+            "angles": angles.collect::<Vec<_>>(),
+            "has_torque": plan.iter().any(turns),
+            "tool": belief.calibration_tool.name,
             "provenance": self.provenance,
             "command": self.command,
         })
@@ -91,17 +96,15 @@ impl PlanPage<'_> {
 pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, PageError> {
     let (scenario, evidence, own) = (shown.scenario, &outcome.evidence, &outcome.tried[0]);
     let (record, assessment) = (&own.record, &own.assessment);
-    let mut cards = run_cards(scenario, outcome, own);
-    cards.push(checks_card(shown, outcome));
     let poses = &record.test_poses;
     let rho0_mm = assessment.rho0_m.map(|value| value * 1e3);
     let test_poses = (poses.len() > 1).then(|| {
-        let predicted_mm: Vec<_> = poses.iter().map(|pose| pose.rho0_mm).collect();
+        let predicted_mm = poses.iter().map(|pose| pose.rho0_mm);
         let observed = Some((&**poses, "uncompensated"));
-        test_poses(&scenario.task.test_poses, &predicted_mm, rho0_mm, observed)
+        test_poses(&scenario.task.test_poses, predicted_mm, rho0_mm, observed)
     });
     let budget = assessment.uncertainty_budget.as_ref();
-    let page = shown.shown(&cards, budget, test_poses.as_ref(), &record.plan);
+    let of_plan = shown.shown(budget, test_poses.as_ref(), &record.plan);
     // Random plans come last.
     let lines = lines(&evidence.study, |place| place + 1 == evidence.study.len());
     let belief = &scenario.task.belief;
@@ -109,12 +112,9 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
     let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;
     let found = IdentificationMessage::new(&own.calibration.identification, nominal_rad_per_nm);
     let shown = json!({
-        "page": page,
-        "experiments": assessment.experiments,
-        "rho0_mm": rho0_mm,
-        "evidence": evidence,
-        "calibration": record,
-        "distances": distances(&lines),
+        "page": of_plan,
+        "run": of_run(scenario, outcome),
+        "distances": distances(&evidence.study, &lines),
         "compliances": {
             "figure": compliances_figure(&found, &record.truth),
             "table": tables::compliances(&found, &record.truth, &unit),
@@ -125,7 +125,7 @@ pub fn run_page(shown: &PlanPage<'_>, outcome: &RunOutcome) -> Result<String, Pa
         "accuracy": accuracy_figure(evidence, assessment.experiments),
     });
     let title = format!("{}: calibration report", scenario.name);
-    Templates::new()?.page(&title, "run.html", &shown)
+    page(&title, "run.html", &shown)
 }
 
 /// Of each measurement the residual's coordinates over their standard deviations, and along a gauge.
@@ -139,6 +139,11 @@ fn standardised(calibration: &Calibration) -> Vec<[Option<f64>; 4]> {
         }
     };
     residuals.map(each).collect()
+}
+
+/// What must be looked at, in words.
+fn texts(conditions: &[Condition]) -> Vec<String> {
+    conditions.iter().map(ToString::to_string).collect()
 }
 
 /// What comes several times, once.

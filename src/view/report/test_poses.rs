@@ -13,41 +13,35 @@ const FEW_POSES: usize = 12;
 /// identified. Weights are shown where they differ.
 pub(super) fn test_poses(
     poses: &[TestPose],
-    predicted_mm: &[Option<f64>],
+    predicted_mm: impl Iterator<Item = Option<f64>>,
     all_mm: Option<f64>,
     run: Option<(&[TestPoseMessage], &str)>,
 ) -> Value {
-    let (observed, without) = run.unzip();
-    let values_mm = || predicted_mm.iter().map(|rho0_mm| rho0_mm.unwrap_or(0.0));
-    let observed_mm = observed
-        .iter()
-        .copied()
-        .flatten()
-        .map(|each| each.residual_mm);
-    let longest_mm = values_mm()
-        .chain(observed_mm)
-        .fold(f64::MIN_POSITIVE, f64::max);
-    let row = |(index, (pose, rho0_mm)): (usize, (&TestPose, &Option<f64>))| {
-        let observed = observed.and_then(|observed| observed.get(index));
-        json!({
+    let (mut rows, mut values_um) = (Vec::new(), Vec::new());
+    let mut longest_mm = f64::MIN_POSITIVE;
+    for (index, (pose, rho0_mm)) in poses.iter().zip(predicted_mm).enumerate() {
+        let observed = run.and_then(|(observed, _)| observed.get(index));
+        let observed_mm = observed.map(|each| each.residual_mm);
+        let shown = [rho0_mm, observed_mm].into_iter().flatten();
+        longest_mm = shown.fold(longest_mm, f64::max);
+        values_um.push(rho0_mm.unwrap_or(0.0) * 1e3);
+        rows.push(json!({
             "name": pose.name,
             "weight": pose.weight,
             "predicted_mm": rho0_mm,
-            "observed_mm": observed.map(|each| each.residual_mm),
+            "observed_mm": observed_mm,
             "without_mm": observed.map(|each| each.uncompensated_mm),
-        })
-    };
-    let rows = poses.iter().zip(predicted_mm).enumerate().map(row);
+        }));
+    }
     let differ = |pair: &[TestPose]| (pair[0].weight - pair[1].weight).abs() > 1e-9;
     let figure = (poses.len() > FEW_POSES).then(|| {
-        let values_um: Vec<f64> = values_mm().map(|value_mm| value_mm * 1e3).collect();
         let names: Vec<&str> = poses.iter().map(|pose| &*pose.name).collect();
         path_figure(&names, &values_um, all_mm.map(|all| all * 1e3))
     });
     json!({
-        "rows": rows.collect::<Vec<_>>(),
+        "rows": rows,
         "has_weights": poses.windows(2).any(differ),
-        "without": without,
+        "without": run.map(|(_, without)| without),
         "longest_mm": longest_mm,
         "all_mm": all_mm,
         "figure": figure,
@@ -71,7 +65,7 @@ mod tests {
             direction: None,
         };
         let poses: Vec<TestPose> = (0..count).map(pose).collect();
-        test_poses(&poses, &vec![Some(0.01); count], Some(0.01), None)
+        test_poses(&poses, poses.iter().map(|_| Some(0.01)), Some(0.01), None)
     }
 
     #[test]

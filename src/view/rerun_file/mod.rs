@@ -14,17 +14,28 @@ use std::path::Path;
 use re_sdk::blueprint::components::PlayState;
 use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
 use re_sdk::log::ChunkBatcherConfig;
-use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamResult, entity_path};
-use re_sdk_types::archetypes::TextDocument;
+use re_sdk::{RecordingStream, RecordingStreamBuilder, RecordingStreamError, entity_path};
+use thiserror::Error;
 
+use super::markup::PageError;
 use super::recording::Recording;
 use crate::files::{FileError, output::write_whole};
 use crate::record::run::MeasuredMessage;
 use blueprint::{Clock, Layout};
 use curves::{DEFLECTION, READING, RESIDUAL, log_curves, shown};
 
+/// Something could not be logged.
+#[derive(Debug, Error)]
+#[error(transparent)]
+pub enum LogError {
+    /// The stream does not take it.
+    Stream(#[from] RecordingStreamError),
+    /// A text could not be made.
+    Text(#[from] PageError),
+}
+
 /// Whether a stream took what was logged.
-pub type Logged = RecordingStreamResult<()>;
+pub type Logged<T = ()> = Result<T, LogError>;
 
 /// The timeline of steps: experiments and test poses, numbered from 1.
 const STEP: &str = "step";
@@ -117,24 +128,21 @@ pub fn log_recording(stream: &RecordingStream, recording: &Recording) -> Logged 
     };
     begin(stream, recording, &clock, |layout| root(recording, layout))?;
     scene::log_bodies(stream, recording)?;
-    let overview = TextDocument::from_markdown(text::overview(recording));
-    stream.log_static("text/overview", &overview)?;
+    stream.log_static("text/overview", &text::overview(recording)?)?;
     log_steps(stream, recording)
 }
 
 fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
-    let mut mounted = None;
     let mut named = None;
     let mut measurement = 0;
     let mut styled = BTreeSet::new();
     for (number, calibration, step) in recording.steps() {
         stream.set_time_sequence(STEP, number);
         if named != Some(&calibration.record.name) {
-            let results = TextDocument::from_markdown(text::results(calibration));
-            stream.log("text/results", &results)?;
+            stream.log("text/results", &text::results(calibration)?)?;
             named = Some(&calibration.record.name);
         }
-        scene::log_step(stream, recording, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, recording, calibration, step)?;
         for read in calibration.read_in(step) {
             measurement += 1;
             stream.set_time_sequence(MEASUREMENT, measurement);

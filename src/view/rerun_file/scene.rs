@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 use re_sdk::{EntityPath, RecordingStream, entity_path};
 use re_sdk_types::archetypes::{
-    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, TextDocument, Transform3D, ViewCoordinates,
+    Arrows3D, Clear, LineStrips3D, Mesh3D, Points3D, Transform3D, ViewCoordinates,
 };
 use re_sdk_types::datatypes::Quaternion;
 
@@ -30,17 +30,15 @@ pub(super) fn log_bodies(stream: &RecordingStream, recording: &Recording) -> Log
     Ok(())
 }
 
-/// The arms and what acts on them in a step, and the step in words; `mounted` is the tool of the step before.
+/// The arms and what acts on them in a step, and the step in words.
 pub(super) fn log_step(
     stream: &RecordingStream,
     recording: &Recording,
-    (calibration, step): (&RecordedCalibration, &Step),
-    mounted: &mut Option<ShownTool>,
+    calibration: &RecordedCalibration,
+    step: &Step,
 ) -> Logged {
-    let tool = step.tool();
-    if *mounted != Some(tool) {
-        log_tools(stream, recording, tool)?;
-        *mounted = Some(tool);
+    if step.changes_tool {
+        log_tools(stream, recording, step.tool)?;
     }
     log_arms(stream, recording, step)?;
     let drawn = recording.annotations(step);
@@ -69,8 +67,8 @@ pub(super) fn log_step(
         .with_colors(labels().map(|(rgb, _)| rgb))
         .with_labels(labels().map(|(_, (_, text))| text.as_str()));
     stream.log("world/labels", &points)?;
-    let described = TextDocument::from_markdown(text::step(calibration, step));
-    stream.log("text/step", &described)
+    stream.log("text/step", &text::step(calibration, step)?)?;
+    Ok(())
 }
 
 fn link_path(arm: &str, body: &Body) -> EntityPath {

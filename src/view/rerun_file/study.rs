@@ -7,15 +7,14 @@ use std::path::Path;
 
 use re_sdk::blueprint::components::PlayState;
 use re_sdk::blueprint::{ContainerLike, Horizontal, Tabs, Vertical};
-use re_sdk::{EntityPath, RecordingStream, RecordingStreamResult, entity_path};
-use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines, TextDocument};
+use re_sdk::{EntityPath, RecordingStream, entity_path};
+use re_sdk_types::archetypes::{BarChart, Scalars, SeriesLines};
 
 use super::blueprint::{self, Clock, Layout};
 use super::{Logged, STEP, begin, scene, text, write_stream};
 use crate::files::FileError;
 use crate::record::study::HistogramMessage;
 use crate::view::charts::plan_colours;
-use crate::view::recording::ShownTool;
 use crate::view::study_recording::{Snapshot, StudyRecording};
 
 /// The timeline of the number of runs so far.
@@ -51,12 +50,11 @@ pub fn write_study_rerun(
 /// How far a study has come on its way to a file or a viewer.
 pub struct StudyStream {
     snapshots: usize,
-    mounted: Option<ShownTool>,
 }
 
 impl StudyStream {
     /// Begins with the layout and what is there before the first run.
-    pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> RecordingStreamResult<Self> {
+    pub fn begin(stream: &RecordingStream, study: &StudyRecording) -> Logged<Self> {
         let runs = usize::try_from(study.header.trials).unwrap_or(usize::MAX);
         let clock = Clock {
             timeline: RUN,
@@ -67,10 +65,7 @@ impl StudyStream {
         };
         begin(stream, &study.arms, &clock, |layout| root(study, layout))?;
         log_beginning(stream, study)?;
-        Ok(Self {
-            snapshots: 0,
-            mounted: None,
-        })
+        Ok(Self { snapshots: 0 })
     }
 
     /// Adds a snapshot.
@@ -81,10 +76,9 @@ impl StudyStream {
         snapshot: &Snapshot,
     ) -> Logged {
         stream.set_time_sequence(RUN, i64::try_from(snapshot.runs).unwrap_or(i64::MAX));
-        let table = TextDocument::from_markdown(text::study_table(study, snapshot));
-        stream.log("text/table", &table)?;
-        if let Some(sources) = text::study_sources(snapshot) {
-            stream.log("text/sources", &TextDocument::from_markdown(sources))?;
+        stream.log("text/table", &text::study_table(study, snapshot)?)?;
+        if let Some(sources) = text::study_sources(snapshot)? {
+            stream.log("text/sources", &sources)?;
         }
         for (plan, colour) in snapshot.plans.iter().zip(colours(study)) {
             if let (Some(mean), Some([low, high])) = (plan.mean_mm, plan.mean_ci95_mm)
@@ -100,8 +94,7 @@ impl StudyStream {
         }
         let steps = study.arms.steps().count().max(1);
         if let Some((_, calibration, step)) = study.arms.steps().nth(self.snapshots % steps) {
-            let shown = (calibration, step);
-            scene::log_step(stream, &study.arms, shown, &mut self.mounted)?;
+            scene::log_step(stream, &study.arms, calibration, step)?;
         }
         self.snapshots += 1;
         Ok(())
@@ -112,8 +105,7 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
     if study.arms.shows_robot() {
         scene::log_bodies(stream, &study.arms)?;
     }
-    let about = TextDocument::from_markdown(text::study(study));
-    stream.log_static("text/about", &about)?;
+    stream.log_static("text/about", &text::study(study)?)?;
     for (name, colour) in study.header.labels().iter().zip(colours(study)) {
         // One name for the mean and its band makes one entry in the legend.
         let lines = SeriesLines::new()
@@ -122,10 +114,9 @@ fn log_beginning(stream: &RecordingStream, study: &StudyRecording) -> Logged {
             .with_names([name.as_str(); 3]);
         stream.log_static(mean_path(name), &lines)?;
     }
-    let mut mounted = None;
     for (number, calibration, step) in study.arms.steps() {
         stream.set_time_sequence(STEP, number);
-        scene::log_step(stream, &study.arms, (calibration, step), &mut mounted)?;
+        scene::log_step(stream, &study.arms, calibration, step)?;
     }
     stream.disable_timeline(STEP);
     Ok(())
@@ -196,22 +187,24 @@ fn colours(study: &StudyRecording) -> impl Iterator<Item = u32> {
 /// The share of runs (%) per micrometre in each bin, up to the bin that [`DRAWN`] of them end in: few that are far off would
 /// make the rest a line.
 fn bars(histogram: &HistogramMessage) -> Option<BarChart> {
-    let mut drawn = 0.0;
     let mut bins = histogram.bins();
+    let mut drawn = 0.0;
     bins.retain(|[.., share]| {
         let is_drawn = drawn < DRAWN;
         drawn += share;
         is_drawn
     });
-    let width = |[low_mm, high_mm, _]: [f64; 3]| (high_mm - low_mm) * 1e3;
-    let all = || bins.iter().copied();
-    let shares: Vec<f64> = all().map(|bin| 100.0 * bin[2] / width(bin)).collect();
-    let starts: Vec<f64> = all().map(|bin| bin[0] * 1e3).collect();
-    let widths = all().map(|bin| scene::narrow(width(bin)));
-    let bars = || {
+    let (mut starts, mut widths, mut shares) = (Vec::new(), Vec::new(), Vec::new());
+    for [low_mm, high_mm, share] in bins {
+        let width = (high_mm - low_mm) * 1e3;
+        starts.push(low_mm * 1e3);
+        widths.push(scene::narrow(width));
+        shares.push(100.0 * share / width);
+    }
+    let is_there = !shares.is_empty();
+    is_there.then(|| {
         BarChart::new(shares)
             .with_abscissa(starts)
             .with_widths(widths)
-    };
-    (!bins.is_empty()).then(bars)
+    })
 }

@@ -14,7 +14,7 @@ const SAMPLES: f64 = 2.0;
 
 /// From where an orthographic picture is seen, and where it lies on the sheet.
 #[derive(Debug, Clone)]
-pub(super) struct Camera {
+pub struct Camera {
     /// Rows: to the right, up, and towards the viewer.
     axes: Rotation3<f64>,
     /// What is seen at the picture's left upper corner (m, in the camera's axes).
@@ -65,12 +65,8 @@ impl Camera {
     /// For drawings: the size (px), and how places on the floor (m) come to be seen, as SVG has transforms.
     pub fn shown(&self) -> Value {
         let [width, height] = self.size_px.map(|side| (side * 10.0).round() / 10.0);
-        let [origin, x, y] = [
-            Point3::origin(),
-            Point3::new(1.0, 0.0, 0.0),
-            Point3::new(0.0, 1.0, 0.0),
-        ]
-        .map(|point| self.see(&point));
+        let places = [Vector3::zeros(), Vector3::x(), Vector3::y()];
+        let [origin, x, y] = places.map(|place| self.see(&place.into()));
         let [to_x, to_y] = [x, y].map(|end| [end[0] - origin[0], end[1] - origin[1]]);
         let floor = [to_x, to_y, [origin[0], origin[1]]].concat();
         json!({ "width": width, "height": height, "floor": floor })

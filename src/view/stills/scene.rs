@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::station_named;
-use crate::view::recording::{LAST_SHOWN_GROUP, ReadingLine, drawn, is_moved};
+use crate::view::recording::{LAST_SHOWN_GROUP, Sight, drawn, is_moved};
 
 /// How far above the horizontal the viewer stands (rad).
 const ELEVATION: f64 = 0.33;
@@ -52,7 +52,7 @@ pub struct Scene {
     /// What is read (m).
     pub read: Point3<f64>,
     /// How that is read.
-    pub sight: Option<ReadingLine>,
+    pub sight: Option<Sight>,
     /// The name of the station that the instrument stands at, if the plan says so: the model has nothing there.
     pub station: Option<String>,
 }
@@ -82,6 +82,15 @@ impl Scenery {
             let tool = place(calibration);
             let read = target.as_ref().map_or(tool, place);
             state.move_to(q);
+            // Where no station has a place of its own, the model's tracker is where all are.
+            let from_m = station.map(|station| station.sees_from(&read.coords));
+            let sight = Sight::new(
+                instrument,
+                &state,
+                read.coords,
+                experiment.direction,
+                from_m,
+            );
             scenes.push(Scene {
                 poses: shown
                     .iter()
@@ -90,13 +99,7 @@ impl Scenery {
                 arrow_end: tool + experiment.load.force_n * (ARROW_M / largest_n),
                 tool,
                 read,
-                // Where no station has a place of its own, the model's tracker is where all are.
-                sight: ReadingLine::new(
-                    instrument,
-                    &state,
-                    experiment.direction,
-                    station.map(|station| station.sees_from(&read.coords)),
-                ),
+                sight,
                 station: station.map(|station| station.name.clone()),
             });
         }
@@ -163,18 +166,11 @@ impl Scenery {
             }
             // A place for the arrows.
             points.extend([scene.arrow_end, scene.read]);
-            for end in scene.sight_ends().into_iter().flatten() {
-                let away = end - scene.read;
+            for end in scene.sight.iter().flat_map(|sight| sight.ends_m) {
+                let away = end - scene.read.coords;
                 points.push(scene.read + away * (LEAVES_M / away.norm()).min(1.0));
             }
         }
         points
-    }
-}
-
-impl Scene {
-    /// From where to where the line of sight, or the arrow of a gauge, is drawn (m).
-    pub fn sight_ends(&self) -> Option<[Point3<f64>; 2]> {
-        Some((self.sight?.ends_m(self.read.coords)).map(Point3::from))
     }
 }

@@ -11,28 +11,21 @@ pub(super) const SCRIPT: &str = include_str!("turning.js");
 /// What the script draws, as JSON; nothing of no plan.
 pub(super) fn plan(scenery: &Scenery) -> Option<String> {
     let parts = scenery.parts.iter().enumerate();
-    let parts: Vec<Value> = parts
-        .map(|(index, part)| surface(scenery, index, part))
-        .collect();
+    let parts = parts.map(|(index, part)| surface(scenery, index, part));
+    let parts: Vec<Value> = parts.collect();
     let scenes: Vec<Value> = scenery.scenes.iter().map(marks).collect();
     let plan = json!({ "parts": parts, "scenes": scenes });
-    (!scenery.scenes.is_empty()).then(|| plan.to_string())
+    (!scenes.is_empty()).then(|| plan.to_string())
 }
 
 /// A surface of the model (whole mm) with its colour, and where it is in each scene: rows of the
 /// rotation (1e-4), then the translation (mm); once if it does not move.
 fn surface(scenery: &Scenery, index: usize, part: &ScenePart) -> Value {
-    let scenes = if part.moves {
-        &scenery.scenes[..]
-    } else {
-        &scenery.scenes[..1]
-    };
+    let count = if part.moves { usize::MAX } else { 1 };
+    let poses = scenery.scenes.iter().take(count);
+    let poses: Vec<_> = poses.map(|scene| rows(&scene.poses[index])).collect();
     let colour = [0, 1, 2].map(|channel| whole(f64::from(part.rgba[channel]) * 255.0));
     let points: Vec<_> = part.mesh.vertices.iter().map(millimetres).collect();
-    let poses: Vec<_> = scenes
-        .iter()
-        .map(|scene| rows(&scene.poses[index]))
-        .collect();
     json!({
         "colour": colour,
         "points": points,
@@ -46,17 +39,16 @@ fn marks(scene: &Scene) -> Value {
     json!({
         "tool": millimetres(&scene.tool),
         "arrow_end": millimetres(&scene.arrow_end),
-        "sight": scene.sight_ends().map(|ends| ends.each_ref().map(millimetres)),
-        "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge()),
+        "sight": scene.sight.map(|sight| sight.ends_m.map(|end| millimetres(&end.into()))),
+        "is_gauge": scene.sight.is_some_and(|sight| sight.is_gauge),
     })
 }
 
-fn rows(pose: &Isometry3<f64>) -> [i32; 12] {
+fn rows(pose: &Isometry3<f64>) -> Vec<i32> {
     let turned = pose.rotation.to_rotation_matrix().transpose();
-    let [x, y, z] = millimetres(&pose.translation.vector.into());
     let entries = turned.matrix().iter().map(|entry| whole(entry * 1e4));
-    let mut all = entries.chain([x, y, z]);
-    std::array::from_fn(|_| all.next().unwrap_or(0))
+    let place = millimetres(&pose.translation.vector.into());
+    entries.chain(place).collect()
 }
 
 fn millimetres(point: &Point3<f64>) -> [i32; 3] {
