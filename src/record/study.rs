@@ -213,7 +213,8 @@ impl StudyPlanMessage {
             failures: reasons(tally),
             mean_mm: finite(mean_m.map(|each| each.value * 1e3)),
             mean_std_mm: finite(mean_m.map(|each| each.standard_error * 1e3)),
-            mean_ci95_mm: mean_m.map(|each| each.interval95().map(|value| value * 1e3)),
+            // A distance is not negative.
+            mean_ci95_mm: mean_m.map(|each| each.interval95().map(|value| value.max(0.0) * 1e3)),
             rms_mm: finite(rms_m.map(|each| each.value * 1e3)),
             rms_std_mm: finite(rms_m.map(|each| each.standard_error * 1e3)),
             predicted_rms_mm: of(Tally::predicted_rms).map(|each| each * sigma_m * 1e3),

@@ -292,3 +292,24 @@ fn a_study_has_a_page_with_its_numbers() {
     );
     looks_well(&workplace.path("out/s/study.html"), 3);
 }
+
+/// Two runs know a mean to within more than itself: its interval ends at zero, which a logarithmic axis does not have.
+#[test]
+fn a_study_of_two_runs_has_a_page() {
+    let workplace = Workplace::new();
+    workplace.write("s.toml", scenario_text("ur10"));
+    let reaches_zero = (9..15).filter(|seed| {
+        let run = workplace.run(&format!(
+            "study s.toml --trials 2 --level model --seed {seed} --json --quiet"
+        ));
+        let json = run.json();
+        let plans = json["plans"].as_array().expect("an array");
+        let lows = plans.iter().map(|plan| numbers(&plan["mean_ci95_mm"])[0]);
+        let lows: Vec<f64> = lows.collect();
+        assert!(lows.iter().all(|low| *low >= 0.0), "{lows:?}");
+        assert_self_contained(&workplace.read("out/s/study.html"));
+        lows.contains(&0.0)
+    });
+    assert!(reaches_zero.count() > 0);
+    looks_well(&workplace.path("out/s/study.html"), 3);
+}

@@ -84,15 +84,15 @@ pub fn means_figure(lines: &[PlanLine<'_>]) -> Value {
         Some((&runs.name, [low, runs.mean_mm?, high], colour))
     });
     let means: Vec<_> = means.collect();
-    let ends = means
-        .iter()
-        .flat_map(|(_, ends_mm, _)| ends_mm.map(logarithm));
+    // An interval that reaches zero has no end on this axis: it is drawn to a tenth of the mean.
+    let places = |[low, mean, high]: [f64; 3]| [low.max(0.1 * mean), mean, high].map(logarithm);
+    let ends = (means.iter()).flat_map(|(_, ends_mm, _)| places(*ends_mm));
     let axis = ChartAxis::logarithmic(reach(ends, 0.0, 0.08));
     let (mut rows, mut intervals) = (Vec::new(), Vec::new());
     for (row, (name, ends_mm, colour)) in means.iter().enumerate() {
         let [low, mean, high] = ends_mm.map(|end| format!("{:.2}", end * 1e3));
         rows.push(((*name).clone(), format!("{mean} ({low} to {high})")));
-        let interval = Series::interval(ends_mm.map(logarithm), middle(means.len(), row), colour);
+        let interval = Series::interval(places(*ends_mm), middle(means.len(), row), colour);
         let tip = |_: &str, x: f64, _| format!("{name}: {:.2} \u{b5}m", 10_f64.powf(x));
         intervals.extend(interval.map(|each| each.tipped(tip)));
     }
