@@ -7,8 +7,8 @@ use nalgebra::{Isometry3, Matrix3};
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, DistanceStatistics, IdentificationError, MountedFrameMessage, MovedStation,
-    ReadingPrognosis, ReadingResidual, StoredRobot, fit_parameters,
+    AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, MountedFrameMessage,
+    MovedStation, ReadingPrognosis, ReadingResidual, StoredRobot, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -222,34 +222,27 @@ pub fn validate_absolute(
         case.arm = fit.belief;
     }
     let left = case.left(&case.arm).map_err(in_file(file))?;
-    let arm = case.arm.clone();
+    let arm = &case.arm;
     let kinds = stored.kinds(&nominal, &known.stations, &known.targets);
-    let (places, kinds): (Vec<usize>, Vec<ParameterKind>) = (kinds.into_iter().enumerate())
-        .filter_map(|(place, kind)| Some((place, kind?)))
+    let (places, kinds): (Vec<usize>, Vec<_>) = (kinds.into_iter().enumerate())
+        .filter_map(|(place, kind)| Some((place, (kind?, None))))
         .unzip();
-    let set = kinds.iter().map(|kind| (*kind, None));
-    let set = ParameterSet::new(&arm, set).map_err(in_file(file))?;
-    let discrepancy = stored.discrepancy_model(&arm)?;
-    let places = &places;
-    let prognoses =
-        (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
-    let probability =
-        (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
-    let mut moved = Vec::new();
+    let set = ParameterSet::new(arm, kinds).map_err(in_file(file))?;
+    let discrepancy = stored.discrepancy_model(arm)?;
+    let beside = (case.beside(&set, &places, &discrepancy)).map_err(in_file(file))?;
     let is_known = |station: &usize| known.stations.contains(&Some(*station));
-    for station in (0..case.stations.len()).filter(is_known) {
-        let found = case
-            .moved_station(&arm, &set, places, &discrepancy, station)
-            .map_err(in_file(file))?;
-        moved.extend(found.map(|found| (case.stations[station].clone(), found)));
-    }
+    let moved = (0..case.stations.len()).filter(is_known).map(|station| {
+        let found = beside.moved_station(station)?;
+        Ok(found.map(|found| (case.stations[station].clone(), found)))
+    });
+    let moved: FitResult<Vec<_>> = moved.filter_map(Result::transpose).collect();
     let setups = case.observations.iter().map(|each| &each.setup);
     let configurations = setups.map(|each| &each.commanded_rad);
     Ok(AbsoluteValidation {
-        beyond: (stored.read_ranges()).beyond(&arm, "reading", configurations),
+        beyond: (stored.read_ranges()).beyond(arm, "reading", configurations),
         left,
         readings_m2,
-        probability,
+        probability: beside.probability(&anew).map_err(in_file(file))?,
         may_repeat,
         names: [
             match case.lengths_in_words() {
@@ -259,10 +252,10 @@ pub fn validate_absolute(
             },
             "orientations".to_owned(),
         ],
-        prognoses,
+        prognoses: beside.prognoses(&anew).map_err(in_file(file))?,
         before: before(belief, readings),
         frames_anew: known.names,
-        moved,
+        moved: moved.map_err(in_file(file))?,
     })
 }
 

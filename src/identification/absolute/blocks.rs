@@ -62,8 +62,7 @@ impl AbsoluteCase<'_> {
             within: self.within,
             shared: self.shared.as_ref().map(|shared| shared.among(&places)),
             is_sharing_known: self.is_sharing_known,
-            keeps_all: self.keeps_all,
-            uses_joint_errors: self.uses_joint_errors,
+            choices: self.choices,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         }

@@ -9,6 +9,7 @@ use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
+use super::choices::ReadingWeights;
 use super::unknowns::is_geometry;
 use super::{
     AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
@@ -30,18 +31,6 @@ const MOST_SHIFTED_M: f64 = 0.02;
 const OVERSTATED: f64 = 1e-2;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
-
-/// How much each reading counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ReadingWeights {
-    /// By its own covariance alone.
-    Own,
-    /// By its own covariance, and by what the planner's model says of its other errors; where the residuals say that the first cannot be all,
-    /// by what the model leaves unexplained in their place.
-    AsNeeded,
-    /// By what the model leaves unexplained, too.
-    WithDiscrepancy,
-}
 
 /// The probability of residuals at least as large; none where nothing is left over.
 fn consistency_of(fit: &ParameterFit) -> Option<f64> {
@@ -114,14 +103,15 @@ impl<'a> AbsoluteCase<'a> {
         groups: &[ParameterGroup],
         weights: ReadingWeights,
     ) -> FitResult<AbsoluteFit> {
+        self.choices.weights = weights;
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
-        let mut found = self.settled(&set, weights, &start, self.keeps_all)?;
+        let mut found = self.settled(&set, &start, self.choices.keeps_all)?;
         let nominal = found.fit.set.nominal().len();
         if nominal > set.nominal().len() && found.rejected.len() > start.len() {
             // Compliances that stay nominal beside gross errors may be determined without.
-            let without = self.settled(&set, weights, &found.rejected, true).ok();
+            let without = self.settled(&set, &found.rejected, true).ok();
             if let Some(without) = without.filter(|each| each.fit.set.nominal().len() < nominal) {
                 found = without;
             }
@@ -133,21 +123,20 @@ impl<'a> AbsoluteCase<'a> {
     fn settled(
         &self,
         free: &ParameterSet,
-        weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
     ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
-            let mut found = match self.fit_without(start, &set, weights, None) {
+            let mut found = match self.fit_without(start, &set, None) {
                 Err(IdentificationError::NotConverged { step }) if !are_given => {
-                    let rejected = self.far_out_of_fewer(&set, weights, start);
+                    let rejected = self.far_out_of_fewer(&set, start);
                     let rejected = rejected.ok_or(IdentificationError::NotConverged { step })?;
-                    self.fit_without(&rejected, &set, weights, None)?
+                    self.fit_without(&rejected, &set, None)?
                 }
                 found => found?,
             };
-            if !are_given && let Some(others) = self.without_far_out(weights, &found) {
+            if !are_given && let Some(others) = self.without_far_out(&found) {
                 found = others;
             }
             let fit = &found.fit;
@@ -169,7 +158,6 @@ impl<'a> AbsoluteCase<'a> {
     fn far_out_of_fewer(
         &self,
         set: &ParameterSet,
-        weights: ReadingWeights,
         start: &[RejectedReading],
     ) -> Option<Vec<RejectedReading>> {
         let is_firm = |kind: ParameterKind| {
@@ -180,10 +168,8 @@ impl<'a> AbsoluteCase<'a> {
         let firm: Vec<usize> = (0..set.len())
             .filter(|&place| is_firm(all[place].kind))
             .collect();
-        let first = self
-            .fit_without(start, &set.subset(&firm), weights, None)
-            .ok()?;
-        let rejected = self.without_far_out(weights, &first)?.rejected;
+        let first = self.fit_without(start, &set.subset(&firm), None).ok()?;
+        let rejected = self.without_far_out(&first)?.rejected;
         (rejected.len() > start.len()).then_some(rejected)
     }
 
@@ -207,7 +193,7 @@ impl<'a> AbsoluteCase<'a> {
 
     /// The readings that no fit begins with.
     pub(super) fn far_from_frames(&self) -> Vec<RejectedReading> {
-        if self.keeps_all {
+        if self.choices.keeps_all {
             return Vec::new();
         }
         self.far_from_frames.clone()
@@ -240,7 +226,7 @@ impl<'a> AbsoluteCase<'a> {
             degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
             discrepancy_model: found.discrepancy_model,
-            uses_joint_errors: self.uses_joint_errors,
+            uses_joint_errors: self.choices.uses_joint_errors,
             counts_sources,
             rows: fit.rows,
             square: fit.square,
@@ -277,9 +263,9 @@ impl<'a> AbsoluteCase<'a> {
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
-        weights: ReadingWeights,
         near: Option<&KeptFit<'a>>,
     ) -> FitResult<KeptFit<'a>> {
+        let weights = self.choices.weights;
         let mut case = self.without(rejected);
         let start = near.map(|near| case.rebased(&near.fit));
         let readings = case.fitted_readings(set);
@@ -355,17 +341,13 @@ impl<'a> AbsoluteCase<'a> {
 
     /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
     /// many do, or where the others determine less than all.
-    pub(super) fn without_far_out(
-        &self,
-        weights: ReadingWeights,
-        first: &KeptFit<'a>,
-    ) -> Option<KeptFit<'a>> {
+    pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
         let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
         let mut rejected = self.looked_over(first, &first.fit)?.suspects()?;
         if rejected.is_empty() && !first.rejected.is_empty() {
             // Geometry and elasticity explain what frames alone do not.
-            let all = self.fit_without(&[], set, weights, None).ok()?;
-            return Some(self.without_far_out(weights, &all).unwrap_or(all));
+            let all = self.fit_without(&[], set, None).ok()?;
+            return Some(self.without_far_out(&all).unwrap_or(all));
         }
         if rejected.is_empty()
             && first.discrepancy.is_some()
@@ -378,7 +360,7 @@ impl<'a> AbsoluteCase<'a> {
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected, before| {
-                let found = (self.fit_without(rejected, set, weights, before)).ok()?;
+                let found = (self.fit_without(rejected, set, before)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;

@@ -74,7 +74,7 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// As [`fit`](Self::fit).
     pub fn in_parts(mut self, groups: &[ParameterGroup]) -> FitResult<PartsOfReadings<'a>> {
-        self.keeps_all = true;
+        self.choices.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
         let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| each.model.rest);

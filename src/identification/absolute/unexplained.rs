@@ -65,7 +65,7 @@ impl AbsoluteCase<'_> {
         rest: impl FnOnce() -> Option<[f64; 2]>,
     ) -> Option<VarianceComponents> {
         let uncertain = Some(&self.belief.uncertain)
-            .filter(|_| self.uses_joint_errors && !self.is_sharing_known)?;
+            .filter(|_| self.choices.uses_joint_errors && !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);
