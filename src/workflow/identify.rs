@@ -142,14 +142,13 @@ impl Identified {
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
-        let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
         let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|[_, rotation_rad]| rotation_rad * 1e3),
-            "rejected": rejected,
+            "rejected": self.rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,
             "notes": self.notes(),

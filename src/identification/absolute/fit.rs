@@ -176,7 +176,7 @@ impl<'a> AbsoluteCase<'a> {
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let (case, fit) = (&found.case, &mut found.fit);
-        let rest = || case.rest_beside_functions(fit, found.discrepancy?);
+        let rest = || case.mixed(fit, found.discrepancy?)?.1.rest();
         if let Some(known) = self.known_components(rest)
             && let Some(beside) = case.with_known(fit, &known)
         {

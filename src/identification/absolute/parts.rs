@@ -290,7 +290,8 @@ impl PartsOfReadings<'_> {
         let mut others = 0.0;
         let of_reading = |(index, (rows, each)): (usize, (_, &Observation))| {
             let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = model.prognosis(rows, &places, q);
+            let local = model.local(rows, &places, q);
+            let (left, covariance) = (&local.left, model.covariance_of(&local));
             if chosen.binary_search(&index).is_err() && self.is_judged(index) {
                 let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
@@ -304,7 +305,7 @@ impl PartsOfReadings<'_> {
                 squares[1] += all;
                 others += 1.0;
             }
-            each.position_m() - three_rows(&left, 0)
+            each.position_m() - three_rows(left, 0)
         };
         let positions_m = (rows.iter().zip(&self.case.observations).enumerate()).map(of_reading);
         Some(PredictedPositions {

@@ -86,11 +86,9 @@ impl OtherReadings<'_> {
     /// The arm has no equilibrium for a reading.
     pub fn prognoses(&self, anew: &ParameterSet) -> FitResult<Vec<ReadingPrognosis>> {
         let discrepancy = self.discrepancy;
-        let predicted = |local: &LocalRows| {
-            let known = discrepancy.by_what_is_known(local);
-            (local.left.clone(), &local.new + known)
-        };
-        let mut found: Vec<_> = self.local.iter().map(predicted).collect();
+        let local = self.local.iter();
+        let local = local.map(|each| (each.left.clone(), discrepancy.covariance_of(each)));
+        let mut found: Vec<_> = local.collect();
         if !anew.is_empty() {
             let frames = self.of_frames(anew)?;
             let groups = self.case.errors_together(discrepancy, &self.rows);

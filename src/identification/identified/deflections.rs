@@ -129,7 +129,7 @@ impl IdentificationMessage {
             consistency: identification.consistency,
             consistency_lower: identification.consistency_lower,
             conditions: identification.conditions(),
-            rank: identification.rank,
+            rank: identification.posterior.estimable.rank(),
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
             residuals_mm: (identification.residuals_m.as_chunks().0.iter())

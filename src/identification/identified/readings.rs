@@ -12,8 +12,7 @@ use super::covariance::{covariance_of, rows_of};
 use crate::codes::Condition;
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, RejectedReading,
-    Unexplained,
+    AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, Unexplained,
 };
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
@@ -222,7 +221,7 @@ impl AbsoluteMessage {
                 .filter(|_| fit.uses_joint_errors))
             .map(|each| discrepancy_model(case, fit, each)),
             ranges_read: ranges_read(case, fit),
-            rejected: fit.rejected.iter().map(RejectedReading::json).collect(),
+            rejected: fit.rejected.iter().map(|&each| each.into()).collect(),
             conditions: fit.conditions(),
         }
     }
