@@ -20,7 +20,7 @@ use crate::numeric::tolerance::ends;
 use crate::record::messages::{ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Gauge};
+use crate::task::Belief;
 
 use super::ranges::{beyond_gauge, beyond_stations};
 
@@ -83,8 +83,8 @@ pub fn identify_measurements(
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let looked = looked_at(&case, &robust);
-    let all: Vec<usize> = (0..measurements.len()).collect();
-    let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
+    let rows: Vec<usize> = (0..measurements.len()).collect();
+    let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&rows));
     Ok(Identified {
         repeats,
         patterns: looked.patterns(&robust.rejected),
@@ -92,18 +92,12 @@ pub fn identify_measurements(
         rejected: robust.rejected,
         residuals,
         of_table,
-        beyond_range: None,
+        beyond_range: beyond_gauge(all.belief.instrument.gauge, measurements),
         input_errors,
     })
 }
 
 impl Identified {
-    /// The same with a note of what a gauge has shown beyond its range, where it read some of the measurements.
-    pub fn read_by(mut self, gauge: Option<Gauge>, measurements: &[Measurement]) -> Self {
-        self.beyond_range = beyond_gauge(gauge, measurements);
-        self
-    }
-
     /// What must be looked at.
     pub fn conditions(&self) -> impl Iterator<Item = Condition> {
         let conditions = self.identification.conditions().into_iter();

@@ -8,7 +8,7 @@ use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
     AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, MountedFrameMessage,
-    MovedStation, ReadingPrognosis, ReadingResidual, StoredRobot, fit_parameters,
+    MovedStation, ReadingResidual, StoredRobot, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -23,8 +23,10 @@ pub struct AbsoluteValidation {
     pub left: Vec<ReadingResidual>,
     /// The covariance of each reading's position by the instrument and by what else is listed as new in each reading (m^2).
     pub readings_m2: Vec<Matrix3<f64>>,
-    /// The same beside all that was identified, what joints are off by among it, with regions.
-    pub prognoses: Vec<ReadingPrognosis>,
+    /// The same as in `left` with what joints are off by, where that was identified.
+    pub with_joint_errors: Vec<ReadingResidual>,
+    /// Whether positions and rotations lie in their regions of 95 % beside all that was identified.
+    pub is_within: Vec<[Option<bool>; 2]>,
     /// The probability of differences as large, where all errors are counted: of lengths.
     pub probability: Option<f64>,
     /// Whether the readings are so coarse that chance may repeat them.
@@ -44,8 +46,8 @@ pub struct AbsoluteValidation {
 impl AbsoluteValidation {
     /// The share of positions (0) or rotations (1) that lie in their regions of 95 %.
     pub fn coverage(&self, part: usize) -> Option<f64> {
-        let judged = self.prognoses.iter();
-        let judged: Vec<bool> = judged.filter_map(|each| each.is_within[part]).collect();
+        let judged = self.is_within.iter();
+        let judged: Vec<bool> = judged.filter_map(|each| each[part]).collect();
         let within = judged.iter().filter(|is_within| **is_within).count();
         (!judged.is_empty()).then(|| within as f64 / judged.len() as f64)
     }
@@ -74,7 +76,7 @@ impl AbsoluteValidation {
         for (part, name) in self.names.iter().enumerate() {
             if let Some(share) = self.coverage(part)
                 && is_unlikely
-                && self.prognoses.len() >= LEAST_JUDGED
+                && self.is_within.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
             {
                 conditions.push(ConditionCode::Coverage.with(format!(
@@ -236,6 +238,11 @@ pub fn validate_absolute(
         Ok(found.map(|found| (case.stations[station].clone(), found)))
     });
     let moved: FitResult<Vec<_>> = moved.filter_map(Result::transpose).collect();
+    let prognoses = beside.prognoses(&anew).map_err(in_file(file))?;
+    let with_joint_errors = match &discrepancy.joints[..] {
+        [] => left.clone(),
+        _ => prognoses.iter().map(|each| each.left).collect(),
+    };
     let setups = case.observations.iter().map(|each| &each.setup);
     let configurations = setups.map(|each| &each.commanded_rad);
     Ok(AbsoluteValidation {
@@ -252,7 +259,8 @@ pub fn validate_absolute(
             },
             "orientations".to_owned(),
         ],
-        prognoses: beside.prognoses(&anew).map_err(in_file(file))?,
+        with_joint_errors,
+        is_within: prognoses.iter().map(|each| each.is_within).collect(),
         before: before(belief, readings),
         frames_anew: known.names,
         moved: moved.map_err(in_file(file))?,

@@ -252,13 +252,7 @@ impl PartsOfReadings<'_> {
             effects.columns_mut(first, functions).copy_from(&returns);
             (own, effects)
         });
-        let each: Vec<_> = each.collect();
-        new_together(
-            &each
-                .iter()
-                .map(|(own, effects)| (own, effects))
-                .collect::<Vec<_>>(),
-        )
+        new_together(&each.collect::<Vec<_>>())
     }
 
     /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none

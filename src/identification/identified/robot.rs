@@ -327,11 +327,10 @@ impl StoredRobot {
                 None => plain,
             });
         };
-        let discrepancy_model =
-            |(key, problem): KeyProblem| self.wrong(format!("discrepancy_model.{key}"), problem);
-        let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
+        let joints = self.joint_errors(&found.joints, arm)?;
         let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
-        let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
+        let rows = whole(&found.covariance, unknowns + knots)
+            .map_err(|problem| self.wrong("discrepancy_model.covariance", problem))?;
         let shift = found.shift.iter().zip(&values);
         let shift = shift.map(|(shift, each)| shift * each.factor);
         let (key, counted) = ("discrepancy_model.covariance", (rows.len(), "values"));
@@ -346,86 +345,84 @@ impl StoredRobot {
             mean_scale: found.mean_scale,
         })
     }
-}
 
-/// A key of the file below some other, and what is wrong with it.
-type KeyProblem = (String, String);
-
-/// What joints are off by.
-fn joint_errors(
-    messages: &[JointErrorMessage],
-    arm: &ElasticArm,
-) -> Result<Vec<JointError>, KeyProblem> {
-    let mut joints: Vec<JointError> = Vec::new();
-    for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
-        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
-        let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
-        let MarkovProcess { knots, kernel } = &error.process;
-        let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
-        let (count, values) = (knots.len(), error.values.len());
-        let size = |found: f64| format!("found {found}; a size is needed");
-        let mut checks = vec![
-            (
-                "joint",
-                joint.is_some(),
-                format!("the robot has no joint {name:?}"),
-            ),
-            ("joint", !is_twice, format!("found {name:?} twice")),
-            (
-                "knots",
-                is_ascending,
-                "wants finite numbers in ascending order".to_owned(),
-            ),
-            (
-                "values",
-                values == count * kernel.order(),
-                format!("found {values}; there are {count} knots"),
-            ),
-            (
-                "knots",
-                error.turn_about.is_none() || knots.iter().all(|knot| knot - knots[0] < TAU),
-                "go over more than a turn".to_owned(),
-            ),
-            ("length", kernel.length > 0.0, size(kernel.length)),
-            ("deviation", error.deviation >= 0.0, size(error.deviation)),
-            (
-                "repeatability",
-                error.repeatability >= 0.0,
-                size(error.repeatability),
-            ),
-        ];
-        for (key, spread) in [
-            ("spread_of_positions", &error.spread_of_positions),
-            ("spread_of_rotations", &error.spread_of_rotations),
-        ] {
-            let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
-            let found = far.copied().unwrap_or_default();
-            let allowed =
-                format!("found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
-            checks.push((key, far.is_none(), allowed));
-            let count = spread.len();
-            let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
-            checks.push((key, count <= SPREAD_ORDERS, allowed));
+    /// What joints are off by.
+    fn joint_errors(
+        &self,
+        messages: &[JointErrorMessage],
+        arm: &ElasticArm,
+    ) -> Result<Vec<JointError>, FileError> {
+        let mut joints: Vec<JointError> = Vec::new();
+        for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
+            let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
+            let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
+            let MarkovProcess { knots, kernel } = &error.process;
+            let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
+            let (count, values) = (knots.len(), error.values.len());
+            let size = |found: f64| format!("found {found}; a size is needed");
+            let mut checks = vec![
+                (
+                    "joint",
+                    joint.is_some(),
+                    format!("the robot has no joint {name:?}"),
+                ),
+                ("joint", !is_twice, format!("found {name:?} twice")),
+                (
+                    "knots",
+                    is_ascending,
+                    "wants finite numbers in ascending order".to_owned(),
+                ),
+                (
+                    "values",
+                    values == count * kernel.order(),
+                    format!("found {values}; there are {count} knots"),
+                ),
+                (
+                    "knots",
+                    error.turn_about.is_none() || knots.iter().all(|knot| knot - knots[0] < TAU),
+                    "go over more than a turn".to_owned(),
+                ),
+                ("length", kernel.length > 0.0, size(kernel.length)),
+                ("deviation", error.deviation >= 0.0, size(error.deviation)),
+                (
+                    "repeatability",
+                    error.repeatability >= 0.0,
+                    size(error.repeatability),
+                ),
+            ];
+            for (key, spread) in [
+                ("spread_of_positions", &error.spread_of_positions),
+                ("spread_of_rotations", &error.spread_of_rotations),
+            ] {
+                let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
+                let found = far.copied().unwrap_or_default();
+                let allowed = format!(
+                    "found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed"
+                );
+                checks.push((key, far.is_none(), allowed));
+                let count = spread.len();
+                let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+                checks.push((key, count <= SPREAD_ORDERS, allowed));
+            }
+            if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
+                return Err(self.wrong(format!("discrepancy_model.joints[{index}].{key}"), problem));
+            }
+            let mut error = error.clone();
+            error.process.kernel.period = error.turn_about.map(|_| TAU);
+            joints.extend(joint.map(|joint| JointError { joint, ..error }));
         }
-        if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
-            return Err((format!("joints[{index}].{key}"), problem));
-        }
-        let mut error = error.clone();
-        error.process.kernel.period = error.turn_about.map(|_| TAU);
-        joints.extend(joint.map(|joint| JointError { joint, ..error }));
+        Ok(joints)
     }
-    Ok(joints)
 }
 
 /// All rows of a symmetric matrix of which the lower triangle is given.
-fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem> {
+fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, String> {
     let is_triangle = triangle.len() == size
         && (triangle.iter().enumerate()).all(|(index, row)| row.len() == index + 1);
     if !is_triangle {
-        let problem = format!(
+        return Err(format!(
             "wants the lower triangle of {size} rows: of the unknowns, and of the joints' values"
-        );
-        return Err(("covariance".to_owned(), problem));
+        ));
     }
     let entry = |row: usize, column: usize| triangle[row.max(column)][row.min(column)];
     Ok((0..size)
