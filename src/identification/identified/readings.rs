@@ -59,6 +59,9 @@ pub struct MountedFrameMessage {
     pub position_std_mm: Option<[f64; 3]>,
     /// Those of the orientation about them (mrad).
     pub rotation_std_mrad: Option<[f64; 3]>,
+    /// How far it stands along and about its own axes from there, where something else is taken for certain than was found.
+    #[serde(skip)]
+    pub(super) shifts: Vec<Isometry3<f64>>,
 }
 
 /// What absolute readings tell of a robot.
@@ -481,6 +484,7 @@ impl MountedFrameMessage {
             quaternion: is_turned.then_some([w, x, y, z]),
             position_std_mm: errors[0],
             rotation_std_mrad: errors[1],
+            shifts: Vec::new(),
         }
     }
 
@@ -498,6 +502,7 @@ impl MountedFrameMessage {
             |[w, x, y, z]: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let position_m = Vector3::from(self.position_mm) * 1e-3;
         let rotation = self.quaternion.map_or(otherwise.rotation, read);
-        Isometry3::from_parts(Translation3::from(position_m), rotation)
+        let read = Isometry3::from_parts(Translation3::from(position_m), rotation);
+        self.shifts.iter().fold(read, |frame, shift| frame * shift)
     }
 }

@@ -28,8 +28,6 @@ pub struct StoredRobot {
     pub message: AbsoluteMessage,
     /// The covariance of the unknowns, in their units.
     pub covariance: DMatrix<f64>,
-    /// How far frames, by the beginning of their unknowns' names, stand along and about their own axes from where the file has them.
-    frame_shifts: Vec<(String, Isometry3<f64>)>,
 }
 
 /// An unknown as a parameter of an arm.
@@ -104,7 +102,6 @@ impl StoredRobot {
             path: path.to_owned(),
             covariance: message.validate(path)?,
             message,
-            frame_shifts: Vec::new(),
         })
     }
 
@@ -289,21 +286,15 @@ impl StoredRobot {
         for (unknown, shift) in other.message.unknowns.iter_mut().zip(shift) {
             unknown.value += shift;
         }
-        for frame in self.message.stations.iter().chain(&self.message.targets) {
+        let message = &mut other.message;
+        for frame in message.stations.iter_mut().chain(&mut message.targets) {
             let [moved, turned] = ["", "r"].map(|turn| {
                 let shift = |axis| shift_of(format!("{}.{turn}{axis}", frame.unknowns));
                 Vector3::from(["x", "y", "z"].map(|axis| shift(axis).unwrap_or(0.0)))
             });
-            let shift = Isometry3::new(moved, turned);
-            other.frame_shifts.push((frame.unknowns.clone(), shift));
+            frame.shifts.push(Isometry3::new(moved, turned));
         }
         other
-    }
-
-    /// A frame of the file beside what joints are off by.
-    pub(crate) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
-        let shifts = self.frame_shifts.iter().filter(|(own, _)| own == unknowns);
-        shifts.fold(frame, |frame, (_, shift)| frame * shift)
     }
 
     /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as

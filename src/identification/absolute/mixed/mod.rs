@@ -427,7 +427,7 @@ impl MixedModel {
             let visits = others.flat_map(|(_, other)| other.visits.iter().cloned());
             let others = Self {
                 visits: visits.collect(),
-                ..self.emptied()
+                ..self.of_visits(|_| false)
             };
             let mut variances = solved.variances.clone();
             for (joint, process) in variances.process.iter_mut().enumerate() {
@@ -438,11 +438,6 @@ impl MixedModel {
         };
         let without = (0..parts.len()).into_par_iter().map(without);
         Some((self.model(&solved), without.collect::<Option<_>>()?))
-    }
-
-    /// The same without readings.
-    fn emptied(&self) -> Self {
-        self.of_visits(|_| false)
     }
 
     /// Knots of a joint, the last of which is not the first again.
