@@ -70,8 +70,6 @@ pub struct AbsoluteFit {
     pub degrees: f64,
     /// What that consists of, where there are readings enough to tell: the covariance counts it then.
     pub discrepancy_model: Option<Unexplained>,
-    /// Whether joint error functions are used, for predictions and commands.
-    pub uses_joint_errors: bool,
     /// Whether readings were weighed by what the planner's model says of their errors besides the instrument's.
     pub counts_sources: bool,
     /// The number of scalar readings.
@@ -226,7 +224,6 @@ impl<'a> AbsoluteCase<'a> {
             degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
             discrepancy_model: found.discrepancy_model,
-            uses_joint_errors: self.choices.uses_joint_errors,
             counts_sources,
             rows: fit.rows,
             square: fit.square,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-use super::covariance::covariance_of;
+use super::checks::CheckedFile;
 use super::impossible::hold_impossible;
 use super::readings::{
     AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange, UnknownMessage,
@@ -100,7 +100,7 @@ impl StoredRobot {
     pub(super) fn new(path: &Path, message: AbsoluteMessage) -> Result<Self, FileError> {
         Ok(Self {
             path: path.to_owned(),
-            covariance: message.validate(path)?,
+            covariance: message.validate(CheckedFile(path))?,
             message,
         })
     }
@@ -215,7 +215,7 @@ impl StoredRobot {
 
     /// What is wrong with a key of the file.
     pub(crate) fn wrong(&self, key: impl Into<String>, problem: String) -> FileError {
-        (FileError::new(&self.path, problem).at(key)).code(ErrorCode::IdentifiedFile)
+        (CheckedFile(&self.path).wrong(key, problem)).code(ErrorCode::IdentifiedFile)
     }
 
     /// Whether the readings showed a discrepancy: it consists of the errors that the scenario lists of readings, which count without one.
@@ -325,7 +325,8 @@ impl StoredRobot {
         let shift = found.shift.iter().zip(&values);
         let shift = shift.map(|(shift, each)| shift * each.factor);
         let (key, counted) = ("discrepancy_model.covariance", (rows.len(), "values"));
-        let covariance = covariance_of((&self.path, key), &rows, counted, &ANY_VARIANCE)
+        let covariance = CheckedFile(&self.path)
+            .covariance(key, &rows, counted, &ANY_VARIANCE)
             .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(DiscrepancyModel {
             joints,
