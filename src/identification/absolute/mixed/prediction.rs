@@ -30,7 +30,7 @@ impl MixedModel {
         let mut model = self.model(&solved);
         let kept = self.squares_by_others();
         let left_out: Vec<_> = (left_out.iter())
-            .map(|pose| self.squares_at(pose, &solved))
+            .map(|pose| solved.squares_at(pose))
             .collect();
         let predicted_by_others = [0, 1].map(|part| {
             let [kept, left_out]: [Vec<_>; 2] = [&kept, &left_out]
@@ -92,22 +92,20 @@ impl MixedModel {
             let others = self.of_visits(|number| number % parts != part);
             let solved = others.likeliest()?;
             let own = self.visits.iter().skip(part).step_by(parts);
-            let squares = own.map(|pose| others.squares_at(pose, &solved));
+            let squares = own.map(|pose| solved.squares_at(pose));
             Some(squares.collect::<Vec<_>>())
         });
         let all: Vec<Option<Vec<_>>> = each.collect();
         all.into_iter().flatten().flatten().collect()
     }
+}
 
-    /// The same of a pose that was not fitted.
-    fn squares_at<'a>(
-        &self,
-        visit: &'a PoseReadings,
-        solved: &MixedSolution,
-    ) -> [Option<PoseSquares<'a>>; 2] {
-        let local = visit.local(&solved.variances);
-        let by_dense = solved.of_dense(std::slice::from_ref(visit));
-        let (left, known) = visit.beside_known(&local, solved, &by_dense);
+impl MixedSolution {
+    /// The squares of position and rotation over their covariance, of each reading of a pose that was not fitted.
+    fn squares_at<'a>(&self, visit: &'a PoseReadings) -> [Option<PoseSquares<'a>>; 2] {
+        let local = visit.local(&self.variances);
+        let by_dense = self.of_dense(std::slice::from_ref(visit));
+        let (left, known) = visit.beside_known(&local, self, &by_dense);
         let covariance = local.covariance + known;
         let firsts = (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
         let squares = firsts.map(|(at, _)| {
