@@ -43,6 +43,7 @@ pub struct Validate {
 }
 
 /// What measurements show of a prediction.
+#[derive(Default)]
 struct Validated {
     /// The command's keys, text and conditions.
     report: Report,
@@ -112,9 +113,7 @@ impl Validate {
         }
         Ok(Validated {
             report,
-            differences: Vec::new(),
-            digests: Vec::new(),
-            may_repeat: false,
+            ..Validated::default()
         })
     }
 }
@@ -134,17 +133,9 @@ fn of_absolute(scenario: &Scenario, robot: &StoredRobot, file: &Path) -> anyhow:
     conditions.extend(validation.conditions());
     let left = validation.left.iter().map(|each| each.position_m);
     let differences = left.zip(validation.readings_m2.iter().copied()).collect();
-    let model = robot.message.discrepancy_model.as_ref();
-    let with_joints = if model.is_some_and(|model| !model.joints.is_empty()) {
-        validation.prognoses.iter().map(|each| each.left).collect()
-    } else {
-        validation.left.clone()
-    };
-    let keys = readings_record(&validation, &with_joints);
-    let name = residual_name(&belief.instrument);
-    let text = describe_readings(&validation, &with_joints, &name);
+    let text = describe_readings(&validation, &residual_name(&belief.instrument));
     Ok(Validated {
-        report: Report::new(keys, text, conditions),
+        report: Report::new(readings_record(&validation), text, conditions),
         differences,
         digests: digests_of(&readings),
         may_repeat: validation.may_repeat,
@@ -231,7 +222,7 @@ fn describe(validation: &Predictions) -> String {
     )
 }
 
-fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidual]) -> Value {
+fn readings_record(validation: &AbsoluteValidation) -> Value {
     let both = |left: &[ReadingResidual]| {
         let [distance_mm, angle_mrad] = DistanceStatistics::in_mm_and_mrad(left);
         json!({ "distance_mm": distance_mm, "angle_mrad": angle_mrad })
@@ -257,7 +248,7 @@ fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidu
         "distance_mm": distance_mm,
         "angle_mrad": angle_mrad,
         "before": validation.before.as_deref().map(both),
-        "with_joint_errors": both(with_joints),
+        "with_joint_errors": both(&validation.with_joint_errors),
         "coverage95": {
             validation.names[0].as_str(): validation.coverage(0),
             validation.names[1].as_str(): validation.coverage(1),
@@ -265,15 +256,11 @@ fn readings_record(validation: &AbsoluteValidation, with_joints: &[ReadingResidu
         "frames_anew": validation.frames_anew,
         "stations_moved": moved,
         "residuals_mm": residuals(&validation.left),
-        "residuals_with_joint_errors_mm": residuals(with_joints),
+        "residuals_with_joint_errors_mm": residuals(&validation.with_joint_errors),
     })
 }
 
-fn describe_readings(
-    validation: &AbsoluteValidation,
-    with_joints: &[ReadingResidual],
-    distance: &str,
-) -> String {
+fn describe_readings(validation: &AbsoluteValidation, distance: &str) -> String {
     let mut rows = Vec::new();
     let mut add = |name: &str, left: &[ReadingResidual]| {
         for (what, lengths) in [distance, "angle [mrad]"]
@@ -287,8 +274,8 @@ fn describe_readings(
         add("nominal, best frames", before);
     }
     add("identified", &validation.left);
-    if with_joints != validation.left {
-        add("with joint errors", with_joints);
+    if validation.with_joint_errors != validation.left {
+        add("with joint errors", &validation.with_joint_errors);
     }
     let mut text = format!(
         "{} beside their predictions\n{}",

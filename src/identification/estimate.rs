@@ -99,8 +99,6 @@ pub struct Identification {
     pub is_all_weak: bool,
     /// Measured minus modelled deflections (m), three for each measurement, rotations left out.
     pub residuals_m: Vec<f64>,
-    /// The number of independent combinations of compliances that the measurements determine.
-    pub rank: usize,
     /// The condition number of the observation matrix with columns scaled to length one, in coordinates of
     /// what is determined.
     pub condition: f64,
@@ -224,7 +222,6 @@ impl Case<'_> {
             stays_nominal: Vec::new(),
             is_all_weak: false,
             residuals_m: residuals_m.collect(),
-            rank,
             condition: fit.condition,
             iterations: fit.iterations,
         })

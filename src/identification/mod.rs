@@ -28,10 +28,11 @@ mod whitening;
 
 pub use absolute::{
     AbsoluteCase, AbsoluteFit, CONTRADICTION, ComponentIntervals, CrossValidation,
-    DiscrepancyModel, DistanceStatistics, Inconsistencies, Inconsistency, JointError, LeftOut,
-    ModelSelection, MovedStation, NestedModel, ParameterGroup, PartsOfReadings, PoseReturn,
-    PredictedPositions, ReadingPrognosis, ReadingWeights, Recommendation, RepeatComponent,
-    RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained, VarianceComponents, visit_classes,
+    DiscrepancyModel, DistanceStatistics, FitChoices, Inconsistencies, Inconsistency, JointError,
+    LeftOut, ModelSelection, MovedStation, NestedModel, OtherReadings, ParameterGroup,
+    PartsOfReadings, PoseReturn, PredictedPositions, ReadingPrognosis, ReadingWeights,
+    Recommendation, RepeatComponent, RepeatComponents, SQUARE_95, SimulatedReadings, Unexplained,
+    VarianceComponents, visit_classes,
 };
 pub use case::{Case, Sigma};
 pub use conditions::impossible_compliance;

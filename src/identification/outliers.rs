@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6, SymmetricEigen, Vector3};
+use serde::Serialize;
 use serde_json::{Value, json};
 use statrs::distribution::FisherSnedecor;
 
@@ -72,8 +73,9 @@ fn far_square(coordinates: usize, freedom: f64) -> f64 {
     })
 }
 
-/// A reading that was left out.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// A reading that was left out; in records with its number from 1, and in words why.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(into = "Value")]
 pub struct RejectedReading {
     /// Its index, from 0.
     pub reading: usize,
@@ -81,17 +83,22 @@ pub struct RejectedReading {
     pub deviations: f64,
 }
 
-impl RejectedReading {
-    /// Its record, with its number from 1, and in words why it was left out.
-    pub fn json(&self) -> Value {
-        let deviations = self.deviations;
+impl From<RejectedReading> for Value {
+    fn from(
+        RejectedReading {
+            reading,
+            deviations,
+        }: RejectedReading,
+    ) -> Self {
         json!({
-            "reading": self.reading + 1,
+            "reading": reading + 1,
             "deviations": deviations,
             "reason": format!("outlier: {deviations:.1} standard deviations given the other readings, limit {FAR_OUT}"),
         })
     }
+}
 
+impl RejectedReading {
     /// The outliers among so many readings, each with how far out it lies; none where there are none.
     pub fn words(rejected: &[Self], count: usize, noun: &str) -> Option<String> {
         let rows: Vec<String> = (rejected.iter())

@@ -362,7 +362,8 @@ impl<'a> Case<'a> {
             |fitted: &SomeFitted<'_>| fitted.over.far_out(),
             |rejected, _| {
                 let fitted = self.fitted(self.measurements, rejected, &first.posterior.mean);
-                (fitted.ok()).filter(|each| each.identification.rank >= first.rank)
+                let rank = |found: &Identification| found.posterior.estimable.rank();
+                (fitted.ok()).filter(|each| rank(&each.identification) >= rank(first))
             },
         )?;
         fitted.over.rejected = rejected;

@@ -4,14 +4,12 @@ use serde_json::{Value, json};
 
 use crate::identification::{
     CrossValidation, DistanceStatistics, ModelSelection, NestedModel, ParameterGroup,
-    RejectedReading,
 };
 
 /// Models with more and more parameters: distances in mm, angles in mrad; places of models from 0.
 pub fn model_selection_json(model_selection: &ModelSelection) -> Value {
     let recommendation = model_selection.recommendation.as_ref();
     let skipped = |(added, reason): &(ParameterGroup, String)| json!({ "added": added.word(), "reason": reason });
-    let rejected = model_selection.rejected.iter().map(RejectedReading::json);
     json!({
         "nested_models": model_selection.nested_models.iter().map(nested_model).collect::<Vec<_>>(),
         "skipped": model_selection.skipped.iter().map(skipped).collect::<Vec<_>>(),
@@ -23,7 +21,7 @@ pub fn model_selection_json(model_selection: &ModelSelection) -> Value {
         "recommends_joint_errors": (model_selection.with_joint_errors.as_ref())
             .map(|_| model_selection.recommends_joint_errors()),
         "sentences": recommendation.map_or(&[][..], |each| &each.sentences),
-        "rejected": rejected.collect::<Vec<_>>(),
+        "rejected": model_selection.rejected,
     })
 }
 

@@ -143,7 +143,7 @@ impl CalibratedRobot {
         let mut found_tools = vec![false; nominal.tools.len()];
         for (target, &place) in message.targets.iter().zip(&places) {
             let link_from_tool = &mut reference.tools[place].link_from_tool;
-            *link_from_tool = stored.shifted(target.frame(link_from_tool), &target.unknowns);
+            *link_from_tool = target.frame(link_from_tool);
             found_tools[place] = true;
         }
         let stations = identified_stations(stored);

@@ -10,17 +10,17 @@ use crate::identification::input_errors::{
 };
 use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, AbsoluteMessage, Case, Identification, IdentificationBasis,
-    IdentificationError, IdentificationMessage, Inconsistencies, MeasurementResidual,
-    ModelSelection, ParameterGroup, ReadingWeights, RejectedReading, RepeatComponents, Repeats,
-    Robustness, Told, left_out, residuals,
+    AbsoluteCase, AbsoluteFit, AbsoluteMessage, Case, FitChoices, Identification,
+    IdentificationBasis, IdentificationError, IdentificationMessage, Inconsistencies,
+    MeasurementResidual, ModelSelection, ParameterGroup, RejectedReading, RepeatComponents,
+    Repeats, Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Digested, Measurement, digests_of};
 use crate::numeric::tolerance::ends;
 use crate::record::messages::{ProvenanceMessage, results};
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
-use crate::task::{Belief, Gauge};
+use crate::task::Belief;
 
 use super::ranges::{beyond_gauge, beyond_stations};
 
@@ -83,8 +83,8 @@ pub fn identify_measurements(
     let of_table = conditions_of_table(&all);
     let input_errors = suspected_input_errors(&all, Some(&robust.of_all));
     let looked = looked_at(&case, &robust);
-    let all: Vec<usize> = (0..measurements.len()).collect();
-    let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&all));
+    let rows: Vec<usize> = (0..measurements.len()).collect();
+    let repeats = Repeats::of_deflections(measurements, &robust.of_kept(&rows));
     Ok(Identified {
         repeats,
         patterns: looked.patterns(&robust.rejected),
@@ -92,18 +92,12 @@ pub fn identify_measurements(
         rejected: robust.rejected,
         residuals,
         of_table,
-        beyond_range: None,
+        beyond_range: beyond_gauge(all.belief.instrument.gauge, measurements),
         input_errors,
     })
 }
 
 impl Identified {
-    /// The same with a note of what a gauge has shown beyond its range, where it read some of the measurements.
-    pub fn read_by(mut self, gauge: Option<Gauge>, measurements: &[Measurement]) -> Self {
-        self.beyond_range = beyond_gauge(gauge, measurements);
-        self
-    }
-
     /// What must be looked at.
     pub fn conditions(&self) -> impl Iterator<Item = Condition> {
         let conditions = self.identification.conditions().into_iter();
@@ -142,14 +136,13 @@ impl Identified {
         message.conditions.extend(self.further_doubts());
         let discrepancy = self.identification.discrepancy;
         let has_rotations = (self.residuals.iter()).any(|each| each.standardised.len() > 3);
-        let rejected: Vec<Value> = self.rejected.iter().map(RejectedReading::json).collect();
         let more = json!({
             "sigma_from_residuals": sigma_from_residuals,
             "residuals": self.residuals,
             "diagnoses": self.input_errors,
             "discrepancy_mm": discrepancy.map(|[position_m, _]| position_m * 1e3),
             "discrepancy_mrad": discrepancy.filter(|_| has_rotations).map(|[_, rotation_rad]| rotation_rad * 1e3),
-            "rejected": rejected,
+            "rejected": self.rejected,
             "patterns": self.patterns,
             "repeats": self.repeats,
             "notes": self.notes(),
@@ -201,26 +194,15 @@ pub struct IdentifiedRobot<'a> {
     pub inconsistencies: Vec<Inconsistencies>,
 }
 
-/// How absolute readings are fitted.
-#[derive(Debug, Clone, Copy)]
-pub struct FitChoices {
-    /// How much each reading counts.
-    pub weights: ReadingWeights,
-    /// Whether those that lie far out are fitted, too.
-    pub keeps_all: bool,
-    /// Whether joint error functions are used.
-    pub uses_joint_errors: bool,
-}
-
-impl FitChoices {
-    /// By such weights, without outliers, with joint error functions.
-    pub const fn weighed(weights: ReadingWeights) -> Self {
-        Self {
-            weights,
-            keeps_all: false,
-            uses_joint_errors: true,
-        }
-    }
+/// Readings that are fitted so.
+fn chosen<'a>(
+    belief: &'a Belief,
+    readings: &[AbsoluteReading],
+    choices: FitChoices,
+) -> Result<AbsoluteCase<'a>, IdentificationError> {
+    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
+    case.choices = choices;
+    Ok(case)
 }
 
 /// Fits what a belief leaves open, or groups of parameters, with all frames. Readings are weighed so; those that lie far out are
@@ -241,10 +223,7 @@ pub fn identify_absolute<'a>(
             None => source,
         }
     };
-    let case = AbsoluteCase::new(belief, readings).map_err(mistaken)?;
-    let mut case = case.counting_sources_of_lengths();
-    case.keeps_all |= choices.keeps_all;
-    case.uses_joint_errors = choices.uses_joint_errors;
+    let mut case = chosen(belief, readings, choices).map_err(mistaken)?;
     let likely = case.likely_input_error();
     let fit = case.fit(groups, choices.weights).map_err(mistaken)?;
     // Geometry and elasticity may explain what frames alone do not.
@@ -314,8 +293,7 @@ pub fn model_selection(
     readings: &[AbsoluteReading],
     choices: FitChoices,
 ) -> Result<ModelSelection, IdentificationError> {
-    let mut case = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
-    case.keeps_all |= choices.keeps_all;
+    let mut case = chosen(belief, readings, choices)?;
     case.model_selection(choices.weights)
 }
 
@@ -329,13 +307,11 @@ impl<'a> IdentifiedRobot<'a> {
         &mut self,
         belief: &'a Belief,
         readings: &[AbsoluteReading],
-        (groups, weights): (&[ParameterGroup], ReadingWeights),
+        groups: &[ParameterGroup],
         between: [String; 2],
     ) -> Result<(), IdentificationError> {
-        let mut other = AbsoluteCase::new(belief, readings)?.counting_sources_of_lengths();
-        other.keeps_all = self.case.keeps_all;
-        other.uses_joint_errors = self.case.uses_joint_errors;
-        let fit = other.fit(groups, weights)?;
+        let mut other = chosen(belief, readings, self.case.choices)?;
+        let fit = other.fit(groups, self.case.choices.weights)?;
         let (mut kept, mut other) = (self.case.kept(&self.fit), other.kept(&fit));
         let found = kept.inconsistencies_with(&self.fit, &mut other, &fit)?;
         self.inconsistencies

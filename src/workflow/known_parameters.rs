@@ -24,8 +24,7 @@ pub(super) fn identified_stations(stored: &StoredRobot) -> Vec<IdentifiedStation
     stations
         .map(|station| IdentifiedStation {
             name: station.name.clone(),
-            instrument_from_base: stored
-                .shifted(station.frame(&Isometry3::identity()), &station.unknowns),
+            instrument_from_base: station.frame(&Isometry3::identity()),
         })
         .collect()
 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::design::Designed;
 use super::evidence::gather;
-use super::identify::{FitChoices, IdentifiedRobot, basis, identify_absolute};
+use super::identify::{IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
 };
@@ -18,7 +18,8 @@ use crate::compensation::compensate_arm;
 use crate::experiment::{Plan, read_plan};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, AbsoluteMessage, IdentificationError, ParameterGroup, ReadingWeights,
+    AbsoluteCase, AbsoluteFit, AbsoluteMessage, FitChoices, IdentificationError, ParameterGroup,
+    ReadingWeights,
 };
 use crate::measurement::{AbsoluteReading, SimulatedRun};
 use crate::numeric::posterior::NotDetermined;

@@ -7,8 +7,8 @@ use nalgebra::{Isometry3, Matrix3};
 use crate::codes::{Condition, ConditionCode};
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, DistanceStatistics, IdentificationError, MountedFrameMessage, MovedStation,
-    ReadingPrognosis, ReadingResidual, StoredRobot, fit_parameters,
+    AbsoluteCase, DistanceStatistics, FitResult, IdentificationError, MountedFrameMessage,
+    MovedStation, ReadingResidual, StoredRobot, fit_parameters,
 };
 use crate::measurement::AbsoluteReading;
 use crate::numeric::estimable::Estimable;
@@ -23,8 +23,10 @@ pub struct AbsoluteValidation {
     pub left: Vec<ReadingResidual>,
     /// The covariance of each reading's position by the instrument and by what else is listed as new in each reading (m^2).
     pub readings_m2: Vec<Matrix3<f64>>,
-    /// The same beside all that was identified, what joints are off by among it, with regions.
-    pub prognoses: Vec<ReadingPrognosis>,
+    /// The same as in `left` with what joints are off by, where that was identified.
+    pub with_joint_errors: Vec<ReadingResidual>,
+    /// Whether positions and rotations lie in their regions of 95 % beside all that was identified.
+    pub is_within: Vec<[Option<bool>; 2]>,
     /// The probability of differences as large, where all errors are counted: of lengths.
     pub probability: Option<f64>,
     /// Whether the readings are so coarse that chance may repeat them.
@@ -44,8 +46,8 @@ pub struct AbsoluteValidation {
 impl AbsoluteValidation {
     /// The share of positions (0) or rotations (1) that lie in their regions of 95 %.
     pub fn coverage(&self, part: usize) -> Option<f64> {
-        let judged = self.prognoses.iter();
-        let judged: Vec<bool> = judged.filter_map(|each| each.is_within[part]).collect();
+        let judged = self.is_within.iter();
+        let judged: Vec<bool> = judged.filter_map(|each| each[part]).collect();
         let within = judged.iter().filter(|is_within| **is_within).count();
         (!judged.is_empty()).then(|| within as f64 / judged.len() as f64)
     }
@@ -74,7 +76,7 @@ impl AbsoluteValidation {
         for (part, name) in self.names.iter().enumerate() {
             if let Some(share) = self.coverage(part)
                 && is_unlikely
-                && self.prognoses.len() >= LEAST_JUDGED
+                && self.is_within.len() >= LEAST_JUDGED
                 && share < LEAST_COVERAGE
             {
                 conditions.push(ConditionCode::Coverage.with(format!(
@@ -222,34 +224,32 @@ pub fn validate_absolute(
         case.arm = fit.belief;
     }
     let left = case.left(&case.arm).map_err(in_file(file))?;
-    let arm = case.arm.clone();
+    let arm = &case.arm;
     let kinds = stored.kinds(&nominal, &known.stations, &known.targets);
-    let (places, kinds): (Vec<usize>, Vec<ParameterKind>) = (kinds.into_iter().enumerate())
-        .filter_map(|(place, kind)| Some((place, kind?)))
+    let (places, kinds): (Vec<usize>, Vec<_>) = (kinds.into_iter().enumerate())
+        .filter_map(|(place, kind)| Some((place, (kind?, None))))
         .unzip();
-    let set = kinds.iter().map(|kind| (*kind, None));
-    let set = ParameterSet::new(&arm, set).map_err(in_file(file))?;
-    let discrepancy = stored.discrepancy_model(&arm)?;
-    let places = &places;
-    let prognoses =
-        (case.prognoses(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
-    let probability =
-        (case.probability(&arm, &set, places, &discrepancy, &anew)).map_err(in_file(file))?;
-    let mut moved = Vec::new();
+    let set = ParameterSet::new(arm, kinds).map_err(in_file(file))?;
+    let discrepancy = stored.discrepancy_model(arm)?;
+    let beside = (case.beside(&set, &places, &discrepancy)).map_err(in_file(file))?;
     let is_known = |station: &usize| known.stations.contains(&Some(*station));
-    for station in (0..case.stations.len()).filter(is_known) {
-        let found = case
-            .moved_station(&arm, &set, places, &discrepancy, station)
-            .map_err(in_file(file))?;
-        moved.extend(found.map(|found| (case.stations[station].clone(), found)));
-    }
+    let moved = (0..case.stations.len()).filter(is_known).map(|station| {
+        let found = beside.moved_station(station)?;
+        Ok(found.map(|found| (case.stations[station].clone(), found)))
+    });
+    let moved: FitResult<Vec<_>> = moved.filter_map(Result::transpose).collect();
+    let prognoses = beside.prognoses(&anew).map_err(in_file(file))?;
+    let with_joint_errors = match &discrepancy.joints[..] {
+        [] => left.clone(),
+        _ => prognoses.iter().map(|each| each.left).collect(),
+    };
     let setups = case.observations.iter().map(|each| &each.setup);
     let configurations = setups.map(|each| &each.commanded_rad);
     Ok(AbsoluteValidation {
-        beyond: (stored.read_ranges()).beyond(&arm, "reading", configurations),
+        beyond: (stored.read_ranges()).beyond(arm, "reading", configurations),
         left,
         readings_m2,
-        probability,
+        probability: beside.probability(&anew).map_err(in_file(file))?,
         may_repeat,
         names: [
             match case.lengths_in_words() {
@@ -259,10 +259,11 @@ pub fn validate_absolute(
             },
             "orientations".to_owned(),
         ],
-        prognoses,
+        with_joint_errors,
+        is_within: prognoses.iter().map(|each| each.is_within).collect(),
         before: before(belief, readings),
         frames_anew: known.names,
-        moved,
+        moved: moved.map_err(in_file(file))?,
     })
 }
 

@@ -121,7 +121,7 @@ fn left_by_one(
         })
         .collect();
     let mut read = AbsoluteCase::new(belief, &readings).expect("readings");
-    read.keeps_all = true;
+    read.choices.keeps_all = true;
     let fit = read.fit(groups, ReadingWeights::Own).expect("a fit");
     (task.test_poses.iter())
         .map(|pose| {

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::{Candidate, read_candidates};
 use elastocal::identification::{
-    AbsoluteCase, IdentifiedFile, IdentifiedRecord, ParameterGroup, ReadingWeights,
+    AbsoluteCase, FitChoices, IdentifiedFile, IdentifiedRecord, ParameterGroup, ReadingWeights,
 };
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
@@ -17,7 +17,7 @@ use elastocal::record::messages::ProvenanceMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{Chosen, SelectionWanted, select};
-use elastocal::workflow::identify::{FitChoices, identify_absolute, model_selection};
+use elastocal::workflow::identify::{identify_absolute, model_selection};
 use elastocal::workflow::validate_absolute::{AbsoluteValidation, validate_absolute};
 use nalgebra::Vector3;
 use rayon::prelude::*;

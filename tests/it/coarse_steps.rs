@@ -239,7 +239,7 @@ fn predictions_of_repeated_heights_hold_on_virtual_robots() {
     };
     let case = AbsoluteCase::new(belief, &readings).expect("a case");
     let mut case = case.counting_sources_of_lengths();
-    case.keeps_all = true;
+    case.choices.keeps_all = true;
     let fit = case.fit(&[], ReadingWeights::Own).expect("a fit");
     // 18 heights eight times, and three twice.
     assert_eq!(readings.len(), 150);

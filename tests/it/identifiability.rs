@@ -26,7 +26,7 @@ fn joint_1_does_not_show_under_a_vertical_load() {
     for method in METHODS {
         let found = identified(&scenario, &measurements, known(&scenario), method);
         assert_eq!(found.unidentifiable(), ["joint_1"], "{method:?}");
-        assert_eq!(found.rank, 5);
+        assert_eq!(found.posterior.estimable.rank(), 5);
         let nominal = scenario.task.belief.nominal.compliance_rad_per_nm[0];
         assert_eq!(found.compliance_rad_per_nm[0].to_bits(), nominal.to_bits());
         assert!(
@@ -155,7 +155,7 @@ fn joints_that_cannot_be_told_apart_are_both_named() {
     for method in METHODS {
         let found = identified(&scenario, &measurements, known(&scenario), method);
         assert_eq!(found.unidentifiable(), ["first", "second"], "{method:?}");
-        assert_eq!(found.rank, 2);
+        assert_eq!(found.posterior.estimable.rank(), 2);
         // Their sum is determined; what tells them apart keeps its nominal value, in typical sizes.
         let [first, second] = [0, 1].map(|joint| found.compliance_rad_per_nm[joint]);
         let tolerance = if method == Method::Linear { 0.02 } else { 1e-6 };
@@ -251,7 +251,11 @@ fn without_residuals_there_is_no_consistency() {
         Method::Nonlinear,
     );
     assert_eq!(
-        (found.rank, found.consistency, found.residual_sigma_m),
+        (
+            found.posterior.estimable.rank(),
+            found.consistency,
+            found.residual_sigma_m
+        ),
         (3, None, None)
     );
     let nominal = &scenario.task.belief.nominal.compliance_rad_per_nm;

@@ -4,14 +4,14 @@ use std::fmt::Write as _;
 
 use elastocal::codes::{Condition, ConditionCode};
 use elastocal::identification::patterns::{Against, Course, Drifting, Pattern};
-use elastocal::identification::{ParameterGroup, ReadingWeights};
+use elastocal::identification::{FitChoices, ParameterGroup, ReadingWeights};
 use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::observation::{ObservationModel, ReadingKind, Setup};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
-use elastocal::workflow::identify::{FitChoices, identify_absolute};
+use elastocal::workflow::identify::identify_absolute;
 use nalgebra::{DVector, Isometry3, Matrix6xX, Rotation3, UnitQuaternion};
 use rand::Rng;
 use rayon::prelude::*;

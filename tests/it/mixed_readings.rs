@@ -3,14 +3,14 @@
 use std::fmt::Write as _;
 
 use elastocal::experiment::{Candidate, read_candidates};
-use elastocal::identification::{AbsoluteCase, ReadingWeights};
+use elastocal::identification::{AbsoluteCase, FitChoices, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, MeasuredFile, read_measured};
 use elastocal::parameter::{Parameter, ParameterKind};
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::scenario::Scenario;
 use elastocal::study::virtual_readings::ReadPlan;
 use elastocal::testbed::TrueRobots;
-use elastocal::workflow::identify::{FitChoices, identify_absolute};
+use elastocal::workflow::identify::identify_absolute;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde_json::Value;

@@ -3,12 +3,12 @@
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use crate::model_selection::{read_of, waves};
 use crate::one_fit::{Campaign, normal, read, seen_arm, ur10, workplace};
-use crate::support::{Workplace, numbers};
+use crate::support::{Workplace, number, numbers};
 
 /// Readings of a robot whose gears are not round, before and after its base was moved along and about its own axes.
 fn not_round(moved: &Isometry3<f64>) -> [Vec<AbsoluteReading>; 2] {
@@ -104,6 +104,69 @@ fn of_two_stations_the_moved_one_is_named() {
         assert_moved(found, moved, 0.02);
         let named = format!("condition C0303: station S{station} moved by ");
         assert_eq!(outcome.stderr.contains(&named), station == 1);
+    }
+}
+
+/// Where a compliance that no joint has is held at its nominal value, stations and targets go with that, as all else does.
+#[test]
+fn frames_go_with_a_compliance_that_is_held() {
+    let mut random = generator(44, 0);
+    let arm = seen_arm(&mut random, &ur10(), 1, 1);
+    let campaign = Campaign {
+        readings: 60,
+        is_pose: true,
+        noise: 1.0,
+        force_n: 100.0,
+    };
+    let place = workplace(&read(&mut random, &arm, &campaign));
+    place.run("identify s.toml --quiet --measurements m.csv --parameters compliances --identified-out i.json");
+    let others = read(&mut random, &arm, &campaign);
+    place.write("other.csv", absolute_table(&6.into(), &others));
+    let found: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let unknowns = found["unknowns"].as_array().expect("a list");
+    let place_of = |name: &str| unknowns.iter().position(|each| each["name"] == name);
+    let elbow = place_of("elbow.compliance").expect("identified");
+    let covariance = |row: usize| number(&found["covariance"][row][elbow]);
+    // What is left where it was found so, and all else as it goes with that.
+    let left = |value: f64| {
+        let share = (value - number(&unknowns[elbow]["value"])) / covariance(elbow);
+        let mut file = found.clone();
+        for (row, unknown) in file["unknowns"]
+            .as_array_mut()
+            .into_iter()
+            .flatten()
+            .enumerate()
+        {
+            for key in ["/value", "/interval95/0", "/interval95/1"] {
+                let entry = unknown.pointer_mut(key).expect("a number");
+                *entry = json!(number(entry) + covariance(row) * share);
+            }
+        }
+        for (key, word) in [("stations", "base"), ("targets", "tool")] {
+            let by = |name: String| place_of(&name).map_or(0.0, |row| covariance(row) * share);
+            let [moved, turned] = ["", "r"].map(|turn| {
+                Vector3::from(["x", "y", "z"].map(|axis| by(format!("{word}.{turn}{axis}"))))
+            });
+            let frame = &mut file[key][0];
+            let [x, y, z] = [0, 1, 2].map(|axis| number(&frame["position_mm"][axis]) * 1e-3);
+            let [w, i, j, k] = [0, 1, 2, 3].map(|part| number(&frame["quaternion"][part]));
+            let turn = UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k));
+            let other = Isometry3::from_parts(Translation3::new(x, y, z), turn)
+                * Isometry3::new(moved, turned);
+            frame["position_mm"] = json!(<[f64; 3]>::from(other.translation.vector * 1e3));
+            let [i, j, k, w] = other.rotation.coords.into();
+            frame["quaternion"] = json!([w, i, j, k]);
+        }
+        place.write("w.json", file.to_string());
+        let outcome =
+            place.run("validate --quiet --identified w.json --measurements other.csv --json");
+        let json = outcome.json();
+        let all: Vec<Value> = json["residuals_mm"].as_array().expect("a list").clone();
+        all.iter().flat_map(numbers).collect::<Vec<f64>>()
+    };
+    let nominal = left(number(&unknowns[elbow]["nominal"]));
+    for (held, nominal) in left(-1e-7).into_iter().zip(nominal) {
+        assert!((held - nominal).abs() < 1e-4, "{held} {nominal}");
     }
 }
 

@@ -38,8 +38,8 @@ fn prognoses(
     let model = &fit.discrepancy_model.as_ref().expect("many readings").model;
 
     let anew = ParameterSet::empty();
-    case.prognoses(&fit.arm, &set, &places, model, &anew)
-        .expect("stable")
+    let beside = case.beside(&set, &places, model).expect("stable");
+    beside.prognoses(&anew).expect("stable")
 }
 
 fn fitted(belief: &Belief, groups: &[ParameterGroup], readings: &[AbsoluteReading]) -> AbsoluteFit {
@@ -397,7 +397,7 @@ fn what_a_fit_uses_up_is_no_explanation() {
             let arm = seen_arm(&mut random, &scenario, 1, 1);
             let readings = read(&mut random, &arm, &campaign);
             let mut case = AbsoluteCase::new(&scenario.task.belief, &readings).expect("readings");
-            case.keeps_all = true;
+            case.choices.keeps_all = true;
             let fit = case.fit(&GEOMETRY, ReadingWeights::WithDiscrepancy);
             let [position_m, _] = fit.expect("a fit").discrepancy.expect("it is weighed");
             position_m.powi(2) / ((NOISE.powi(2) - 1.0) * SIGMA_M.powi(2))

@@ -2,7 +2,7 @@
 
 use crate::files::output::write_whole;
 use crate::identification::{
-    AbsoluteMessage, IdentificationError, Inconsistencies, JointError, ModelSelection,
+    AbsoluteMessage, FitChoices, IdentificationError, Inconsistencies, JointError, ModelSelection,
     MountedFrameMessage, ReadingWeights, UnexplainedMessage,
 };
 use crate::measurement::{AbsoluteReading, digests_of, read_measured};
@@ -12,9 +12,7 @@ use crate::record::uncertainties::uncertainty_tables;
 use crate::robot::{Drive, Load, SerialChain};
 use crate::task::Belief;
 use crate::view::plots::model_selection_plot;
-use crate::workflow::identify::{
-    FitChoices, IdentifiedRobot, identify_absolute, model_selection, uncounted,
-};
+use crate::workflow::identify::{IdentifiedRobot, identify_absolute, model_selection, uncounted};
 
 use super::{Identify, JointErrorsUse};
 use crate::cli::command_prelude::*;
@@ -68,7 +66,7 @@ impl Identify {
             let may_repeat = || identified.case.may_repeat();
             again = refuse_fitted(other, digests, may_repeat, &same.to_string(), hint)?;
             let between = [file, other].map(|path| format!("in {}", path.display()));
-            (identified.compare(belief, &others, (groups, weights), between))
+            (identified.compare(belief, &others, groups, between))
                 .map_err(|error| error.in_file(other))?;
         }
         let mut report = Report {

@@ -45,8 +45,7 @@ impl Identify {
         let sigma = Sigma::of(belief, self.sigma_from_residuals);
         let case = Case::of_belief(belief, measurements, sigma, method);
         let identified = identify_measurements(case, robustness)
-            .map_err(|problem| explained(&self.measurements, &problem))?
-            .read_by(scenario.task.belief.instrument.gauge, measurements);
+            .map_err(|problem| explained(&self.measurements, &problem))?;
         let provenance = self.common.provenance(scenario)?;
         // Another state of the scenario has another virtual robot.
         let simulated = origin

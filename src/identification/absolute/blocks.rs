@@ -62,8 +62,7 @@ impl AbsoluteCase<'_> {
             within: self.within,
             shared: self.shared.as_ref().map(|shared| shared.among(&places)),
             is_sharing_known: self.is_sharing_known,
-            keeps_all: self.keeps_all,
-            uses_joint_errors: self.uses_joint_errors,
+            choices: self.choices,
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         }
@@ -254,7 +253,13 @@ impl<'a> Blocks<'a> {
         (fit, discrepancy): (&ParameterFit, [f64; 2]),
         without: &[Without],
     ) -> Option<(DiscrepancyModel, Vec<Without>)> {
-        let (all, others) = (self.case).discrepancy_without_each(fit, discrepancy, &self.parts)?;
+        let (_, mixed) = self.case.mixed(fit, discrepancy)?;
+        let joints = self.case.commanded_joints();
+        let parts = self.parts.iter().map(|part| {
+            let found = part.mixed_of(&fit.set, &fit.posterior, joints.clone(), discrepancy);
+            found.map(|(_, mixed)| mixed)
+        });
+        let (all, others) = mixed.without_each(&parts.collect::<Option<Vec<_>>>()?)?;
         let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = |(block, (without, model)): (usize, (&Without, DiscrepancyModel))| {
             let values = &values + &model.shift;

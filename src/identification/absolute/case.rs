@@ -9,6 +9,7 @@ use super::super::copies::{CopiedReadings, ReadBits, may_repeat};
 use super::super::frames::{MountedFrames, RobustFrames, Sight, evenly, groups, median_or_zero};
 use super::super::outliers::RejectedReading;
 use super::IdentificationError;
+use super::choices::{FitChoices, ReadingWeights};
 use super::visits::{loads_of_visits, visit_classes, visits};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{
@@ -54,10 +55,8 @@ pub struct AbsoluteCase<'a> {
     pub(super) shared: Option<SharedErrors>,
     /// Whether the planner's model says which these are: they are not found from residuals then.
     pub(super) is_sharing_known: bool,
-    /// Whether readings that lie far out are fitted, too.
-    pub keeps_all: bool,
-    /// Whether joint error functions are used, those of the planner's model among them.
-    pub uses_joint_errors: bool,
+    /// How they are fitted.
+    pub choices: FitChoices,
     /// The readings that are far out of any frames, which no fit begins with.
     pub far_from_frames: Vec<RejectedReading>,
     /// Readings that are equal to the last digit.
@@ -125,8 +124,7 @@ impl<'a> AbsoluteCase<'a> {
             within: [0.0; 2],
             shared: None,
             is_sharing_known: false,
-            keeps_all: false,
-            uses_joint_errors: true,
+            choices: FitChoices::weighed(ReadingWeights::AsNeeded),
             far_from_frames: Vec::new(),
             copies: CopiedReadings::default(),
         };

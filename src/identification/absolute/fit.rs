@@ -9,6 +9,7 @@ use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
+use super::choices::ReadingWeights;
 use super::unknowns::is_geometry;
 use super::{
     AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
@@ -30,18 +31,6 @@ const MOST_SHIFTED_M: f64 = 0.02;
 const OVERSTATED: f64 = 1e-2;
 /// Further from what is believed, in standard deviations of that, is told.
 const FAR: f64 = 2.0;
-
-/// How much each reading counts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ReadingWeights {
-    /// By its own covariance alone.
-    Own,
-    /// By its own covariance, and by what the planner's model says of its other errors; where the residuals say that the first cannot be all,
-    /// by what the model leaves unexplained in their place.
-    AsNeeded,
-    /// By what the model leaves unexplained, too.
-    WithDiscrepancy,
-}
 
 /// The probability of residuals at least as large; none where nothing is left over.
 fn consistency_of(fit: &ParameterFit) -> Option<f64> {
@@ -81,8 +70,6 @@ pub struct AbsoluteFit {
     pub degrees: f64,
     /// What that consists of, where there are readings enough to tell: the covariance counts it then.
     pub discrepancy_model: Option<Unexplained>,
-    /// Whether joint error functions are used, for predictions and commands.
-    pub uses_joint_errors: bool,
     /// Whether readings were weighed by what the planner's model says of their errors besides the instrument's.
     pub counts_sources: bool,
     /// The number of scalar readings.
@@ -133,14 +120,15 @@ impl<'a> AbsoluteCase<'a> {
         groups: &[ParameterGroup],
         weights: ReadingWeights,
     ) -> FitResult<AbsoluteFit> {
+        self.choices.weights = weights;
         self.check_frames()?;
         let (set, left_out) = self.told_apart(groups, &[])?;
         let start = self.far_from_frames();
-        let mut found = self.settled(&set, weights, &start, self.keeps_all)?;
+        let mut found = self.settled(&set, &start, self.choices.keeps_all)?;
         let nominal = found.fit.set.nominal().len();
         if nominal > set.nominal().len() && found.rejected.len() > start.len() {
             // Compliances that stay nominal beside gross errors may be determined without.
-            let without = self.settled(&set, weights, &found.rejected, true).ok();
+            let without = self.settled(&set, &found.rejected, true).ok();
             if let Some(without) = without.filter(|each| each.fit.set.nominal().len() < nominal) {
                 found = without;
             }
@@ -152,26 +140,23 @@ impl<'a> AbsoluteCase<'a> {
     fn settled(
         &self,
         free: &ParameterSet,
-        weights: ReadingWeights,
         start: &[RejectedReading],
         are_given: bool,
     ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
         loop {
-            let mut found = match self.fit_without(start, &set, weights, None) {
+            let mut found = match self.fit_without(start, &set, None) {
                 Err(IdentificationError::NotConverged { step }) if !are_given => {
-                    let rejected = self.far_out_of_fewer(&set, weights, start);
+                    let rejected = self.far_out_of_fewer(&set, start);
                     let rejected = rejected.ok_or(IdentificationError::NotConverged { step })?;
-                    self.fit_without(&rejected, &set, weights, None)?
+                    self.fit_without(&rejected, &set, None)?
                 }
                 found => found?,
             };
-            if !are_given && let Some(others) = self.without_far_out(weights, &found) {
+            if !are_given && let Some(others) = self.without_far_out(&found) {
                 found = others;
             }
-            if !are_given
-                && let Some(others) = self.beside_soft_joints(weights, start, &set, &found)
-            {
+            if !are_given && let Some(others) = self.beside_soft_joints(start, &set, &found) {
                 found = others;
             }
             let fit = &found.fit;
@@ -192,7 +177,6 @@ impl<'a> AbsoluteCase<'a> {
     /// The fit of more readings, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is none.
     fn beside_soft_joints(
         &self,
-        weights: ReadingWeights,
         start: &[RejectedReading],
         set: &ParameterSet,
         found: &KeptFit<'a>,
@@ -202,15 +186,15 @@ impl<'a> AbsoluteCase<'a> {
         }
         let with = |soft: DMatrix<f64>| set.clone().with_precision(&soft);
         let soft = with(outliers::for_soft_joints(set, None)?);
-        let of_all = || self.by_known_errors(&[], &soft, weights, None);
+        let of_all = || self.by_known_errors(&[], &soft, None);
         if found.discrepancy.is_some() && !of_all().is_ok_and(|all| all.is_explained()) {
             return None;
         }
-        let first = self.fit_without(start, &soft, weights, None).ok()?;
-        let all = self.without_far_out(weights, &first).unwrap_or(first);
+        let first = self.fit_without(start, &soft, None).ok()?;
+        let all = self.without_far_out(&first).unwrap_or(first);
         let values = Some(all.fit.posterior.mean.as_slice());
         let soft = with(outliers::for_soft_joints(set, values)?);
-        let other = self.fit_without(&all.rejected, &soft, weights, Some(&all));
+        let other = self.fit_without(&all.rejected, &soft, Some(&all));
         let other = other.ok()?;
         let are_fewer = other.rejected.len() < found.rejected.len();
         let is_better = other.discrepancy.is_none() && (are_fewer || found.discrepancy.is_some());
@@ -221,7 +205,6 @@ impl<'a> AbsoluteCase<'a> {
     fn far_out_of_fewer(
         &self,
         set: &ParameterSet,
-        weights: ReadingWeights,
         start: &[RejectedReading],
     ) -> Option<Vec<RejectedReading>> {
         let is_firm = |kind: ParameterKind| {
@@ -232,17 +215,15 @@ impl<'a> AbsoluteCase<'a> {
         let firm: Vec<usize> = (0..set.len())
             .filter(|&place| is_firm(all[place].kind))
             .collect();
-        let first = self
-            .fit_without(start, &set.subset(&firm), weights, None)
-            .ok()?;
-        let rejected = self.without_far_out(weights, &first)?.rejected;
+        let first = self.fit_without(start, &set.subset(&firm), None).ok()?;
+        let rejected = self.without_far_out(&first)?.rejected;
         (rejected.len() > start.len()).then_some(rejected)
     }
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let (case, fit) = (&found.case, &mut found.fit);
-        let rest = || case.rest_beside_functions(fit, found.discrepancy?);
+        let rest = || case.mixed(fit, found.discrepancy?)?.1.rest();
         if let Some(known) = self.known_components(rest)
             && let Some(beside) = case.with_known(fit, &known)
         {
@@ -259,7 +240,7 @@ impl<'a> AbsoluteCase<'a> {
 
     /// The readings that no fit begins with.
     pub(super) fn far_from_frames(&self) -> Vec<RejectedReading> {
-        if self.keeps_all {
+        if self.choices.keeps_all {
             return Vec::new();
         }
         self.far_from_frames.clone()
@@ -292,7 +273,6 @@ impl<'a> AbsoluteCase<'a> {
             degrees: degrees.unwrap_or(f64::INFINITY),
             discrepancy,
             discrepancy_model: found.discrepancy_model,
-            uses_joint_errors: self.uses_joint_errors,
             counts_sources,
             rows: fit.rows,
             square: fit.square,
@@ -329,10 +309,9 @@ impl<'a> AbsoluteCase<'a> {
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
-        weights: ReadingWeights,
         near: Option<&KeptFit<'a>>,
     ) -> FitResult<KeptFit<'a>> {
-        let by_known = self.by_known_errors(rejected, set, weights, near)?;
+        let by_known = self.by_known_errors(rejected, set, near)?;
         let is_explained = by_known.is_explained();
         let (mut case, mut consistency) = (by_known.case, by_known.consistency);
         let (fit, discrepancy) = match (by_known.counted, by_known.own) {
@@ -343,7 +322,7 @@ impl<'a> AbsoluteCase<'a> {
                 case = counted;
                 (fit, None)
             }
-            (None, Some(fit)) if is_explained || weights == ReadingWeights::Own => {
+            (None, Some(fit)) if is_explained || self.choices.weights == ReadingWeights::Own => {
                 let values = case.rebased(&fit);
                 (case.fit_near(set, values.as_slice(), Haste::Near)?, None)
             }
@@ -364,9 +343,9 @@ impl<'a> AbsoluteCase<'a> {
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
-        weights: ReadingWeights,
         near: Option<&KeptFit<'a>>,
     ) -> FitResult<FitByKnownErrors<'a>> {
+        let weights = self.choices.weights;
         let mut case = self.without(rejected);
         let start = near.map(|near| case.rebased(&near.fit));
         let readings = case.fitted_readings(set);
@@ -424,22 +403,18 @@ impl<'a> AbsoluteCase<'a> {
 
     /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
     /// many do, or where the others determine less than all.
-    pub(super) fn without_far_out(
-        &self,
-        weights: ReadingWeights,
-        first: &KeptFit<'a>,
-    ) -> Option<KeptFit<'a>> {
+    pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
         let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
         let suspects = self.looked_over(first, &first.fit)?.suspects();
         if !first.rejected.is_empty() {
             // Geometry and elasticity may explain what frames alone do not, and what is known before of all the rest alone.
             let is_explained = || {
-                let all = self.by_known_errors(&[], set, weights, None);
+                let all = self.by_known_errors(&[], set, None);
                 all.is_ok_and(|all| all.is_explained())
             };
             if suspects.as_ref().is_some_and(Vec::is_empty) || is_explained() {
-                let all = self.fit_without(&[], set, weights, None).ok()?;
-                return Some(self.without_far_out(weights, &all).unwrap_or(all));
+                let all = self.fit_without(&[], set, None).ok()?;
+                return Some(self.without_far_out(&all).unwrap_or(all));
             }
         }
         let mut rejected = suspects?;
@@ -454,7 +429,7 @@ impl<'a> AbsoluteCase<'a> {
             rejected,
             |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
             |rejected, before| {
-                let found = (self.fit_without(rejected, set, weights, before)).ok()?;
+                let found = (self.fit_without(rejected, set, before)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
             },
         )?;

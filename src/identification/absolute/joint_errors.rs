@@ -247,20 +247,13 @@ impl DiscrepancyModel {
         }
     }
 
-    /// What one reading's rows leave, and the covariance of that.
-    pub(super) fn prognosis(
-        &self,
-        rows: &LinearReading,
-        places: &[usize],
-        q: &[f64],
-    ) -> (DVector<f64>, DMatrix<f64>) {
-        let local = self.local(rows, places, q);
-        let known = self.by_what_is_known(&local);
-        (local.left, local.new + known)
+    /// The covariance of what one reading's rows leave.
+    pub(super) fn covariance_of(&self, local: &LocalRows) -> DMatrix<f64> {
+        &local.new + self.by_what_is_known(local)
     }
 
     /// The covariance that one reading's rows have by what was identified.
-    pub(super) fn by_what_is_known(&self, local: &LocalRows) -> DMatrix<f64> {
+    fn by_what_is_known(&self, local: &LocalRows) -> DMatrix<f64> {
         let among = self.covariance.select_rows(&local.index);
         let among = among.select_columns(&local.index);
         &local.matrix * among * local.matrix.transpose()

@@ -7,6 +7,7 @@
 
 mod blocks;
 mod case;
+mod choices;
 mod discrepancy;
 mod fit;
 mod inconsistencies;
@@ -31,13 +32,14 @@ use super::discrepancy::{ReadingResidual, joint_space_blocks};
 use super::error::{FitResult, IdentificationError};
 use super::outliers::RejectedReading;
 pub use case::AbsoluteCase;
-pub use fit::{AbsoluteFit, ReadingWeights};
+pub use choices::{FitChoices, ReadingWeights};
+pub use fit::AbsoluteFit;
 pub use inconsistencies::{CONTRADICTION, Inconsistencies, Inconsistency};
 pub use joint_errors::{DiscrepancyModel, JointError, ReadingPrognosis, SQUARE_95, Unexplained};
 pub use mixed::{ComponentIntervals, VarianceComponents};
 pub use model_selection::{CrossValidation, ModelSelection, NestedModel, Recommendation};
 pub use parts::{PartsOfReadings, PredictedPositions, SimulatedReadings};
-pub use prognoses::MovedStation;
+pub use prognoses::{MovedStation, OtherReadings};
 pub use repeat_components::{PoseReturn, RepeatComponent, RepeatComponents};
 pub use residuals::DistanceStatistics;
 pub use unknowns::{LeftOut, ParameterGroup};

@@ -74,7 +74,7 @@ impl<'a> AbsoluteCase<'a> {
     /// # Errors
     /// As [`fit`](Self::fit).
     pub fn in_parts(mut self, groups: &[ParameterGroup]) -> FitResult<PartsOfReadings<'a>> {
-        self.keeps_all = true;
+        self.choices.keeps_all = true;
         let all = self.fit(groups, ReadingWeights::AsNeeded)?;
         let model = all.discrepancy_model.as_ref();
         let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| each.model.rest);
@@ -252,13 +252,7 @@ impl PartsOfReadings<'_> {
             effects.columns_mut(first, functions).copy_from(&returns);
             (own, effects)
         });
-        let each: Vec<_> = each.collect();
-        new_together(
-            &each
-                .iter()
-                .map(|(own, effects)| (own, effects))
-                .collect::<Vec<_>>(),
-        )
+        new_together(&each.collect::<Vec<_>>())
     }
 
     /// What a fit of some of these observations, which may be those of the case or others in their places, predicts of all positions; none
@@ -290,7 +284,8 @@ impl PartsOfReadings<'_> {
         let mut others = 0.0;
         let of_reading = |(index, (rows, each)): (usize, (_, &Observation))| {
             let q = each.setup.commanded_rad.as_slice();
-            let (left, covariance) = model.prognosis(rows, &places, q);
+            let local = model.local(rows, &places, q);
+            let (left, covariance) = (&local.left, model.covariance_of(&local));
             if chosen.binary_search(&index).is_err() && self.is_judged(index) {
                 let new = discrepancy_covariance(model.rest) + self.case.covariances[index];
                 let coordinates = left.len().min(3);
@@ -304,7 +299,7 @@ impl PartsOfReadings<'_> {
                 squares[1] += all;
                 others += 1.0;
             }
-            each.position_m() - three_rows(&left, 0)
+            each.position_m() - three_rows(left, 0)
         };
         let positions_m = (rows.iter().zip(&self.case.observations).enumerate()).map(of_reading);
         Some(PredictedPositions {

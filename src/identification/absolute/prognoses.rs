@@ -8,7 +8,7 @@ use super::joint_errors::LocalRows;
 use super::residuals::LinearReading;
 use super::sharing::StackedRows;
 use super::{AbsoluteCase, DiscrepancyModel, FitResult, ReadingPrognosis};
-use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
+use crate::parameter::{ParameterKind, ParameterSet};
 
 /// Stations that stand as far off with a smaller probability were moved.
 const MOVED: f64 = 1e-6;
@@ -40,76 +40,101 @@ impl MovedStation {
     }
 }
 
-impl AbsoluteCase<'_> {
-    /// These readings beside what an arm with a discrepancy's model predicts for them. `set` are those of the model's
-    /// parameters that the readings depend on, at their `places` among the model's, and counted from the arm itself. Frames of
-    /// which `anew` has the parameters take the values that suit these readings best.
+/// Readings that were not fitted beside an identified arm, which their case has, with the discrepancy that it leaves.
+pub struct OtherReadings<'a> {
+    case: &'a AbsoluteCase<'a>,
+    set: &'a ParameterSet,
+    places: &'a [usize],
+    discrepancy: &'a DiscrepancyModel,
+    rows: Vec<LinearReading>,
+    local: Vec<LocalRows>,
+}
+
+impl<'a> AbsoluteCase<'a> {
+    /// These readings beside what its arm with a discrepancy's model predicts for them. `set` are those of the model's parameters that the
+    /// readings depend on, at their `places` among the model's, and counted from the arm itself.
     ///
     /// # Errors
     /// The arm has no equilibrium for a reading.
-    pub fn prognoses(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-        anew: &ParameterSet,
-    ) -> FitResult<Vec<ReadingPrognosis>> {
-        let (rows, local) = self.local_rows(arm, set, places, discrepancy)?;
-        let each = local.iter();
-        let mut found: Vec<(DVector<f64>, DMatrix<f64>)> = each
-            .map(|local| {
-                let known = discrepancy.by_what_is_known(local);
-                (local.left.clone(), &local.new + known)
-            })
-            .collect();
+    pub fn beside(
+        &'a self,
+        set: &'a ParameterSet,
+        places: &'a [usize],
+        discrepancy: &'a DiscrepancyModel,
+    ) -> FitResult<OtherReadings<'a>> {
+        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
+        let rows = self.rows_at(&self.arm, set, set.prior().mean.as_slice(), &joints)?;
+        let readings = rows.iter().zip(&self.observations);
+        let local = readings.map(|(rows, each)| {
+            discrepancy.local(rows, places, each.setup.commanded_rad.as_slice())
+        });
+        Ok(OtherReadings {
+            local: local.collect(),
+            case: self,
+            set,
+            places,
+            discrepancy,
+            rows,
+        })
+    }
+}
+
+impl OtherReadings<'_> {
+    /// Each beside its prediction. Frames of which `anew` has the parameters take the values that suit these readings best.
+    ///
+    /// # Errors
+    /// The arm has no equilibrium for a reading.
+    pub fn prognoses(&self, anew: &ParameterSet) -> FitResult<Vec<ReadingPrognosis>> {
+        let discrepancy = self.discrepancy;
+        let local = self.local.iter();
+        let local = local.map(|each| (each.left.clone(), discrepancy.covariance_of(each)));
+        let mut found: Vec<_> = local.collect();
         if !anew.is_empty() {
-            let frames = self.rows_at(arm, anew, anew.prior().mean.as_slice(), &[])?;
-            let groups = self.errors_together(discrepancy, &rows).into_iter();
-            let groups = groups.map(|group| StackedRows::of(&group, &local, &frames));
+            let frames = self.of_frames(anew)?;
+            let groups = self.case.errors_together(discrepancy, &self.rows);
+            let groups = groups.iter();
+            let groups = groups.map(|group| StackedRows::of(group, &self.local, &frames));
             let groups: Vec<StackedRows> = groups.collect();
             take_out(anew.len(), &groups, &discrepancy.covariance, &mut found);
         }
-        let readings = found.iter().zip(&self.observations);
-        Ok(readings
-            .map(|((left, covariance), each)| {
-                discrepancy.judged(left, covariance, each.setup.commanded_rad.as_slice())
-            })
-            .collect())
+        let readings = found.iter().zip(&self.case.observations);
+        let judged = readings.map(|((left, covariance), each)| {
+            discrepancy.judged(left, covariance, each.setup.commanded_rad.as_slice())
+        });
+        Ok(judged.collect())
+    }
+
+    /// How parameters of frames move the readings.
+    fn of_frames(&self, frames: &ParameterSet) -> FitResult<Vec<LinearReading>> {
+        let (case, values) = (self.case, &frames.prior().mean);
+        case.rows_at(&case.arm, frames, values.as_slice(), &[])
     }
 
     /// The probability of differences from the prediction that are as large, with the covariance of identification and readings: where the
     /// planner's model says what readings share, as it does of distances, or noise alone explains the identification, and no joint has an
-    /// error of its own. All as in [`prognoses`](Self::prognoses).
+    /// error of its own. Frames as in [`prognoses`](Self::prognoses).
     ///
     /// # Errors
     /// The arm has no equilibrium for a reading.
-    pub fn probability(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-        anew: &ParameterSet,
-    ) -> FitResult<Option<f64>> {
-        let is_noise_alone = self.belief.uncertain.sources().next().is_none()
+    pub fn probability(&self, anew: &ParameterSet) -> FitResult<Option<f64>> {
+        let (case, discrepancy) = (self.case, self.discrepancy);
+        let is_noise_alone = case.belief.uncertain.sources().next().is_none()
             && discrepancy.rest.iter().all(|rest| *rest <= 0.0);
-        let is_known = self.is_sharing_known || is_noise_alone;
+        let is_known = case.is_sharing_known || is_noise_alone;
         if !is_known || !discrepancy.joints.is_empty() {
             return Ok(None);
         }
         let more = anew.parameters().iter().map(|each| each.kind);
-        let Ok((all, _)) = set.with_more(arm, more) else {
+        let Ok((all, _)) = self.set.with_more(&case.arm, more) else {
             return Ok(None);
         };
-        let mut case = self.clone();
-        case.arm = arm.clone();
+        let mut case = case.clone();
         case.weigh(discrepancy.rest);
         let readings = case.fitted_readings(&all);
         let equations = readings.equations(&all.prior().mean)?;
         let sizes = all.scales();
         let known = DMatrix::from_fn(all.len(), all.len(), |row, column| {
-            match (places.get(row), places.get(column)) {
+            match (self.places.get(row), self.places.get(column)) {
                 (Some(&one), Some(&other)) => {
                     discrepancy.covariance[(one, other)] / (sizes[row] * sizes[column])
                 }
@@ -121,50 +146,41 @@ impl AbsoluteCase<'_> {
         let mixed = DMatrix::identity(all.len(), all.len()) + &equations.information * &known;
         let solved = mixed.lu().solve(&equations.gradient);
         let freedom = readings.rows().saturating_sub(anew.len());
-        Ok(
-            (solved.zip(ChiSquared::new(freedom as f64).ok())).map(|(solved, law)| {
-                law.sf(equations.square - equations.gradient.dot(&(known * solved)))
-            }),
-        )
+        let law = ChiSquared::new(freedom as f64).ok();
+        Ok(solved.zip(law).map(|(solved, law)| {
+            law.sf(equations.square - equations.gradient.dot(&(known * solved)))
+        }))
     }
 
     /// How far the base of a station stands from where it was identified, as these readings have it: position (m) and rotation
-    /// (rad) along and about its own axes, and the probability of that if nobody moved it. `set`, `places` and `discrepancy` as in
-    /// [`prognoses`](Self::prognoses). Readings beyond the angles at which joints' errors were found say nothing of it: these may be any
-    /// there, and are alike in all of them.
+    /// (rad) along and about its own axes, and the probability of that if nobody moved it. Readings beyond the angles at which joints'
+    /// errors were found say nothing of it: these may be any there, and are alike in all of them.
     ///
     /// # Errors
     /// The arm has no equilibrium for a reading.
-    pub fn moved_station(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-        station: usize,
-    ) -> FitResult<Option<MovedStation>> {
-        let (rows, local) = self.local_rows(arm, set, places, discrepancy)?;
-        let kinds = self.base_kinds(station).into_iter();
-        let Ok(base) = ParameterSet::new(arm, kinds.map(|kind| (kind, None))) else {
+    pub fn moved_station(&self, station: usize) -> FitResult<Option<MovedStation>> {
+        let (case, discrepancy, local) = (self.case, self.discrepancy, &self.local);
+        let kinds = case.base_kinds(station).into_iter();
+        let Ok(base) = ParameterSet::new(&case.arm, kinds.map(|kind| (kind, None))) else {
             return Ok(None);
         };
         let own = base.len();
-        let frames = self.rows_at(arm, &base, base.prior().mean.as_slice(), &[])?;
+        let frames = self.of_frames(&base)?;
         let size = discrepancy.covariance.nrows();
         // Sums over readings, weighed by what is new in each: of the frame's own parameters, then of all that is known.
         let mut information = DMatrix::zeros(own + size, own + size);
         let mut gradient = DVector::zeros(own + size);
         let (mut read, mut average) = (Vec::new(), 0.0);
-        for mut group in self.errors_together(discrepancy, &rows) {
+        for mut group in case.errors_together(discrepancy, &self.rows) {
             let counts = |&(place, _): &(usize, _)| {
-                let setup = &self.observations[place].setup;
+                let setup = &case.observations[place].setup;
                 setup.station == station && discrepancy.reaches(setup.commanded_rad.as_slice())
             };
             group.retain(counts);
             if group.is_empty() {
                 continue;
             }
-            let stacked = StackedRows::of(&group, &local, &frames);
+            let stacked = StackedRows::of(&group, local, &frames);
             let Some(factor) = Cholesky::new(stacked.new) else {
                 continue;
             };
@@ -216,24 +232,6 @@ impl AbsoluteCase<'_> {
             readings_m: (displaced / of_station).sqrt(),
             discrepancy_m: (average / of_station).sqrt(),
         }))
-    }
-
-    /// The rows of all readings, and what a discrepancy's model says of each.
-    fn local_rows(
-        &self,
-        arm: &ElasticArm,
-        set: &ParameterSet,
-        places: &[usize],
-        discrepancy: &DiscrepancyModel,
-    ) -> FitResult<(Vec<LinearReading>, Vec<LocalRows>)> {
-        let joints: Vec<usize> = discrepancy.joints.iter().map(|each| each.joint).collect();
-        let rows = self.rows_at(arm, set, set.prior().mean.as_slice(), &joints)?;
-        let readings = rows.iter().zip(&self.observations);
-        let local = readings.map(|(rows, each)| {
-            discrepancy.local(rows, places, each.setup.commanded_rad.as_slice())
-        });
-        let local = local.collect();
-        Ok((rows, local))
     }
 }
 

@@ -1,5 +1,7 @@
 //! Readings that share errors, together: their rows one below the other, with the covariance of what is new there.
 
+use std::borrow::Borrow;
+
 use nalgebra::{DMatrix, DVector, Matrix6xX};
 
 use super::joint_errors::LocalRows;
@@ -67,13 +69,15 @@ impl StackedRows {
 
 /// The covariance of what is new at readings that share errors, one below the other: each has all of its own, and any two have what the same
 /// effects do to both.
-pub(super) fn new_together(readings: &[(&DMatrix<f64>, &DMatrix<f64>)]) -> DMatrix<f64> {
-    let size = readings.iter().map(|(own, _)| own.nrows()).sum();
+pub(super) fn new_together<M: Borrow<DMatrix<f64>>>(readings: &[(M, M)]) -> DMatrix<f64> {
+    let readings = readings.iter();
+    let readings = readings.map(|(own, effects)| (own.borrow(), effects.borrow()));
+    let size = readings.clone().map(|(own, _)| own.nrows()).sum();
     let mut all = DMatrix::zeros(size, size);
     let mut row = 0;
-    for (one, (own, effects)) in readings.iter().enumerate() {
+    for (one, (own, effects)) in readings.clone().enumerate() {
         let mut column = 0;
-        for (other, (of_other, others)) in readings.iter().enumerate() {
+        for (other, (of_other, others)) in readings.clone().enumerate() {
             let mut block = all.view_mut((row, column), (own.nrows(), of_other.nrows()));
             if one == other {
                 block.copy_from(own);

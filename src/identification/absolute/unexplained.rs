@@ -28,23 +28,6 @@ impl AbsoluteCase<'_> {
         self.mixed_of(&fit.set, &fit.posterior, joints, discrepancy)
     }
 
-    /// The likeliest joint error functions and what is new at each visit, of all readings and without those of each of some parts; none
-    /// where there is too little to tell.
-    pub(super) fn discrepancy_without_each(
-        &self,
-        fit: &ParameterFit,
-        discrepancy: [f64; 2],
-        parts: &[Self],
-    ) -> Option<(DiscrepancyModel, Vec<DiscrepancyModel>)> {
-        let (_, mixed) = self.mixed(fit, discrepancy)?;
-        let joints = self.commanded_joints();
-        let parts = parts.iter().map(|part| {
-            let found = part.mixed_of(&fit.set, &fit.posterior, joints.clone(), discrepancy);
-            found.map(|(_, mixed)| mixed)
-        });
-        mixed.without_each(&parts.collect::<Option<Vec<_>>>()?)
-    }
-
     /// The variance components of what a fit leaves of the readings that it kept; none where there is too little to tell, or where nothing
     /// is left beyond the readings' own covariances. How well they are known by that.
     pub fn variance_components(
@@ -65,7 +48,7 @@ impl AbsoluteCase<'_> {
         rest: impl FnOnce() -> Option<[f64; 2]>,
     ) -> Option<VarianceComponents> {
         let uncertain = Some(&self.belief.uncertain)
-            .filter(|_| self.uses_joint_errors && !self.is_sharing_known)?;
+            .filter(|_| self.choices.uses_joint_errors && !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);
@@ -77,17 +60,6 @@ impl AbsoluteCase<'_> {
                 rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
             }
         })
-    }
-
-    /// What is new at each visit besides the likeliest joint error functions, of a fit that leaves such a discrepancy (m, rad); none where
-    /// there is too little to tell.
-    pub(super) fn rest_beside_functions(
-        &self,
-        fit: &ParameterFit,
-        discrepancy: [f64; 2],
-    ) -> Option<[f64; 2]> {
-        let (_, mixed) = self.mixed(fit, discrepancy)?;
-        mixed.rest()
     }
 
     /// The likeliest parameters, near a fit of them, together with functions and sizes that are known, and what these say of what they leave.

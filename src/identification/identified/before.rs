@@ -5,10 +5,10 @@
 
 use nalgebra::DMatrix;
 
+use super::checks::CheckedFile;
 use super::deflections::IdentificationMessage;
 use super::file::{IdentifiedFile, IdentifiedRecord, Remainder, ResidualKeys};
 use super::impossible::hold_impossible;
-use super::readings::check_sizes;
 use super::robot::{StoredRobot, UnknownValue};
 use crate::codes::{Condition, ConditionCode, ErrorCode};
 use crate::files::FileError;
@@ -63,15 +63,12 @@ impl IdentifiedFile {
         left: &Remainder,
         robot: &Robot,
     ) -> Result<StoredIdentification, FileError> {
-        let path = &self.path;
-        let joints = message.joints(path, robot)?;
-        let posterior = message.compliances(path)?;
-        let all = message.with_others(path, &posterior, robot)?;
+        let file = CheckedFile(&self.path);
+        let joints = message.joints(file, robot)?;
+        let posterior = message.compliances(file)?;
+        let all = message.with_others(file, &posterior, robot)?;
         let sizes = [left.discrepancy_mm, left.discrepancy_mrad];
-        check_sizes(
-            path,
-            [("discrepancy_mm", sizes[0]), ("discrepancy_mrad", sizes[1])],
-        )?;
+        file.sizes([("discrepancy_mm", sizes[0]), ("discrepancy_mrad", sizes[1])])?;
         let discrepancy = sizes.map(|size| size.unwrap_or(0.0) * 1e-3);
         // What the numbers are more than the fit takes up.
         let spare = |each: &ResidualKeys| each.standardised.len() as f64 - each.leverage;
@@ -90,7 +87,7 @@ impl IdentifiedFile {
             degrees_of_freedom: Some(freedom).filter(|freedom| is_estimated && *freedom > 0.0),
         }
         .possible(robot);
-        message.check_agreement(path, &found.posterior.mean)?;
+        message.check_agreement(file, &found.posterior.mean)?;
         Ok(found)
     }
 
@@ -170,8 +167,8 @@ impl IdentifiedFile {
                 if shift.len() != values.len() {
                     let (found, count) = (shift.len(), values.len());
                     let problem = format!("found {found} numbers; there are {count} unknowns");
-                    let wrong = FileError::new(&self.path, problem);
-                    let wrong = wrong.at(format!("{key}[{index}].shift"));
+                    let file = CheckedFile(&self.path);
+                    let wrong = file.wrong(format!("{key}[{index}].shift"), problem);
                     return Err(
                         wrong.hint("identify again: files of earlier versions do not say it")
                     );

@@ -1,12 +1,8 @@
 //! The keys of what was identified from deflections.
 
-use std::path::Path;
-
-use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use super::agreement::{agree, agree_of_estimate};
-use super::covariance::{covariance_of, rows_of};
+use super::checks::{CheckedFile, rows_of};
 use super::impossible::hold_impossible;
 use crate::codes::{Condition, ErrorCode};
 use crate::files::FileError;
@@ -129,7 +125,7 @@ impl IdentificationMessage {
             consistency: identification.consistency,
             consistency_lower: identification.consistency_lower,
             conditions: identification.conditions(),
-            rank: identification.rank,
+            rank: identification.posterior.estimable.rank(),
             condition: Some(identification.condition).filter(|value| value.is_finite()),
             iterations: identification.iterations,
             residuals_mm: (identification.residuals_m.as_chunks().0.iter())
@@ -142,7 +138,11 @@ impl IdentificationMessage {
     ///
     /// # Errors
     /// The robot has no such joint, or one is named twice.
-    pub(super) fn joints(&self, path: &Path, robot: &Robot) -> Result<Vec<usize>, FileError> {
+    pub(super) fn joints(
+        &self,
+        file: CheckedFile<'_>,
+        robot: &Robot,
+    ) -> Result<Vec<usize>, FileError> {
         let mut joints = Vec::new();
         for name in &self.parameters {
             let known = || robot.chain.joints.iter().map(|joint| &*joint.name);
@@ -157,7 +157,7 @@ impl IdentificationMessage {
                     format!("found {name:?}; the robot's joints are: {known}")
                 }
             };
-            let wrong = FileError::new(path, problem).at("parameters");
+            let wrong = file.wrong("parameters", problem);
             return Err(wrong.code(ErrorCode::OtherRobot));
         }
         Ok(joints)
@@ -167,8 +167,7 @@ impl IdentificationMessage {
     ///
     /// # Errors
     /// Lists have other lengths, or hold what no compliance or covariance is, by their keys.
-    pub(super) fn compliances(&self, path: &Path) -> Result<Posterior, FileError> {
-        let wrong = |key: &str, problem: String| FileError::new(path, problem).at(key);
+    pub(super) fn compliances(&self, file: CheckedFile<'_>) -> Result<Posterior, FileError> {
         let (estimates, typical) = (
             &self.compliance_rad_per_nm,
             &self.compliance_typical_rad_per_nm,
@@ -186,7 +185,7 @@ impl IdentificationMessage {
         ] {
             if found != size {
                 let problem = format!("found {found} values; there are {size} parameters");
-                return Err(wrong(&format!("{key}_rad_per_nm"), problem));
+                return Err(file.wrong(format!("{key}_rad_per_nm"), problem));
             }
         }
         for (index, value) in estimates.iter().enumerate() {
@@ -194,14 +193,14 @@ impl IdentificationMessage {
             let size = value.unwrap_or_default().abs().max(LEAST_SIZE);
             ELASTIC_COMPLIANCE.check(size).map_err(|problem| {
                 let key = format!("compliance_rad_per_nm[{index}]");
-                wrong(&key, format!("{}: {problem}", self.parameters[index])).hint(
+                file.wrong(key, format!("{}: {problem}", self.parameters[index])).hint(
                     "measure again with loads that bend this joint, or take it out of robot.parameters",
                 )
             })?;
         }
         if let Some(found) = typical.iter().find(|value| **value <= 0.0) {
             let problem = format!("found {found}; positive numbers are allowed");
-            return Err(wrong("compliance_typical_rad_per_nm", problem));
+            return Err(file.wrong("compliance_typical_rad_per_nm", problem));
         }
         let (rows, directions) = (
             &self.covariance_rad2_per_n2m2,
@@ -212,15 +211,10 @@ impl IdentificationMessage {
         let posterior = Posterior {
             names: self.parameters.clone(),
             mean: (both.map(|(estimate, applied)| estimate.unwrap_or(*applied))).collect(),
-            covariance: covariance_of(
-                (path, "covariance_rad2_per_n2m2"),
-                rows,
-                counted,
-                &VARIANCE,
-            )?,
+            covariance: file.covariance("covariance_rad2_per_n2m2", rows, counted, &VARIANCE)?,
             estimable: Estimable::with_hidden(
                 typical,
-                orthonormal((path, "undetermined_directions"), directions, counted)?,
+                file.orthonormal("undetermined_directions", directions, counted)?,
             ),
         };
         let is_known = |index: usize| posterior.standard_error(index).is_some();
@@ -228,8 +222,7 @@ impl IdentificationMessage {
         {
             let problem = "is a number where undetermined_directions say that there is none, or the other \
                            way round: the file is damaged";
-            let key = format!("compliance_rad_per_nm[{index}]");
-            return Err(wrong(&key, problem.to_owned()));
+            return Err(file.wrong(format!("compliance_rad_per_nm[{index}]"), problem));
         }
         Ok(posterior)
     }
@@ -240,7 +233,7 @@ impl IdentificationMessage {
     /// Lists have other lengths, or hold what no ratio or covariance is, by their keys.
     pub(super) fn with_others(
         &self,
-        path: &Path,
+        file: CheckedFile<'_>,
         compliances: &Posterior,
         robot: &Robot,
     ) -> Result<Posterior, FileError> {
@@ -250,8 +243,8 @@ impl IdentificationMessage {
         let size = self.parameters.len() + self.uncertain.len();
         let counted = (size, "unknowns");
         let (rows, directions) = (&self.covariance_of_all, &self.undetermined_of_all);
-        let covariance = covariance_of((path, "covariance_of_all"), rows, counted, &ANY_VARIANCE)?;
-        let hidden = orthonormal((path, "undetermined_of_all"), directions, counted)?;
+        let covariance = file.covariance("covariance_of_all", rows, counted, &ANY_VARIANCE)?;
+        let hidden = file.orthonormal("undetermined_of_all", directions, counted)?;
         let (mut names, mut mean) = (compliances.names.clone(), compliances.mean.clone());
         let nominal = robot.compliance_rad_per_nm.clone();
         let arm = ElasticArm::new(robot.chain.clone(), nominal, Vec::new());
@@ -262,7 +255,7 @@ impl IdentificationMessage {
             let ratio = (each.nominal.zip(own)).map_or(1.0, |(then, now)| then / now);
             if !(ratio > 0.0 && ratio.is_finite()) {
                 let problem = format!("found a share of {:?}, which is nothing", each.nominal);
-                let wrong = FileError::new(path, problem).at(format!("uncertain[{index}].nominal"));
+                let wrong = file.wrong(format!("uncertain[{index}].nominal"), problem);
                 return Err(wrong.code(ErrorCode::OtherRobot));
             }
             names.push(each.name.clone());
@@ -281,7 +274,11 @@ impl IdentificationMessage {
     ///
     /// # Errors
     /// What does not agree, by its key.
-    pub(super) fn check_agreement(&self, path: &Path, applied: &[f64]) -> Result<(), FileError> {
+    pub(super) fn check_agreement(
+        &self,
+        file: CheckedFile<'_>,
+        applied: &[f64],
+    ) -> Result<(), FileError> {
         let size = self.parameters.len();
         let (rows, all) = (&self.covariance_rad2_per_n2m2, &self.covariance_of_all);
         let has_others = !self.uncertain.is_empty();
@@ -291,10 +288,9 @@ impl IdentificationMessage {
             let entry = |column: usize| at("covariance_rad2_per_n2m2", index, column);
             if let Some(value) = *value {
                 let found = self.compliance_applied_rad_per_nm[index];
-                let agrees = |value| agree(path, (&key("_applied"), found), (&key(""), value));
+                let agrees = |value| file.agree((&key("_applied"), found), (&key(""), value));
                 agrees(applied[index]).or_else(|_| agrees(value))?;
-                agree_of_estimate(
-                    path,
+                file.agree_of_estimate(
                     (&key(""), value),
                     (&entry(index), rows[index][index]),
                     (&key("_std"), self.compliance_std_rad_per_nm[index]),
@@ -303,7 +299,7 @@ impl IdentificationMessage {
             }
             for column in (0..size).filter(|_| has_others) {
                 let other = (&*at("covariance_of_all", index, column), all[index][column]);
-                agree(path, (&entry(column), rows[index][column]), other)?;
+                file.agree((&entry(column), rows[index][column]), other)?;
             }
         }
         for (index, each) in self.uncertain.iter().enumerate() {
@@ -311,7 +307,7 @@ impl IdentificationMessage {
             if let Some(error) = each.standard_error {
                 let root = all[place][place].max(0.0).sqrt();
                 let other = (&*at("covariance_of_all", place, place), root);
-                agree(path, (&format!("uncertain[{index}].std"), error), other)?;
+                file.agree((&format!("uncertain[{index}].std"), error), other)?;
             }
         }
         let (key, hidden) = if has_others {
@@ -320,29 +316,6 @@ impl IdentificationMessage {
             ("undetermined_directions", &self.undetermined_directions)
         };
         let left = (size + self.uncertain.len()) as f64 - hidden.len() as f64;
-        agree(path, ("rank", self.rank as f64), (key, left))
+        file.agree(("rank", self.rank as f64), (key, left))
     }
-}
-
-/// Orthonormal directions at a key of a file, among so many parameters, as columns.
-fn orthonormal(
-    (path, key): (&Path, &str),
-    directions: &[Vec<f64>],
-    (size, what): (usize, &str),
-) -> Result<DMatrix<f64>, FileError> {
-    let wrong = |problem: String| FileError::new(path, problem).at(key);
-    if let Some(found) = directions.iter().find(|direction| direction.len() != size) {
-        let problem = format!("found {} values; there are {size} {what}", found.len());
-        return Err(wrong(problem));
-    }
-    let hidden = DMatrix::from_fn(size, directions.len(), |row, column| {
-        directions[column][row]
-    });
-    let gram = hidden.tr_mul(&hidden);
-    let off = (&gram - DMatrix::identity(gram.nrows(), gram.ncols())).amax();
-    if off.is_nan() || off > 1e-9 {
-        let problem = "these are not orthonormal: the file is damaged";
-        return Err(wrong(problem.to_owned()));
-    }
-    Ok(hidden)
 }

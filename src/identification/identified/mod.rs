@@ -1,8 +1,7 @@
 //! The file of what was identified: its keys, and what another campaign knows by them.
 
-mod agreement;
 mod before;
-mod covariance;
+mod checks;
 mod deflections;
 mod file;
 mod impossible;

@@ -1,19 +1,16 @@
 //! The keys of a robot that was identified from absolute readings.
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use nalgebra::{DMatrix, Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::agreement::agree_of_estimate;
-use super::covariance::{covariance_of, rows_of};
+use super::checks::{CheckedFile, rows_of};
 use crate::codes::Condition;
 use crate::files::FileError;
 use crate::identification::{
-    AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, RejectedReading,
-    Unexplained,
+    AbsoluteCase, AbsoluteFit, DistanceStatistics, JointError, LeftOut, Unexplained,
 };
 use crate::numeric::tolerance::ends;
 use crate::parameter::ParameterKind;
@@ -60,6 +57,9 @@ pub struct MountedFrameMessage {
     pub position_std_mm: Option<[f64; 3]>,
     /// Those of the orientation about them (mrad).
     pub rotation_std_mrad: Option<[f64; 3]>,
+    /// How far it stands along and about its own axes from there, where something else is taken for certain than was found.
+    #[serde(skip)]
+    pub(super) shifts: Vec<Isometry3<f64>>,
 }
 
 /// What absolute readings tell of a robot.
@@ -216,13 +216,11 @@ impl AbsoluteMessage {
             rotation_residuals_mrad: (fit.left.iter().filter(|_| angles.is_some()))
                 .map(|each| each.rotation_rad.map(|rad| (rad * 1e3).into()))
                 .collect(),
-            discrepancy_model: (fit
-                .discrepancy_model
-                .as_ref()
-                .filter(|_| fit.uses_joint_errors))
-            .map(|each| discrepancy_model(case, fit, each)),
+            discrepancy_model: (fit.discrepancy_model.as_ref())
+                .filter(|_| case.choices.uses_joint_errors)
+                .map(|each| discrepancy_model(case, fit, each)),
             ranges_read: ranges_read(case, fit),
-            rejected: fit.rejected.iter().map(RejectedReading::json).collect(),
+            rejected: fit.rejected.iter().map(|&each| each.into()).collect(),
             conditions: fit.conditions(),
         }
     }
@@ -243,14 +241,13 @@ impl AbsoluteMessage {
     ///
     /// # Errors
     /// It is none, or does not agree with what they say of it, or a station's or target's place is none, by the key.
-    pub(super) fn validate(&self, path: &Path) -> Result<DMatrix<f64>, FileError> {
+    pub(super) fn validate(&self, file: CheckedFile<'_>) -> Result<DMatrix<f64>, FileError> {
         for (index, (unknown, row)) in self.unknowns.iter().zip(&self.covariance).enumerate() {
             let Some(&variance) = row.get(index) else {
                 continue;
             };
             let key = |name: &str| format!("unknowns[{index}].{name}");
-            agree_of_estimate(
-                path,
+            file.agree_of_estimate(
                 (&key("value"), unknown.value),
                 (&format!("covariance[{index}][{index}]"), variance),
                 (&key("standard_error"), unknown.standard_error.map(f64::abs)),
@@ -259,30 +256,25 @@ impl AbsoluteMessage {
         }
         for (key, frames) in [("stations", &self.stations), ("targets", &self.targets)] {
             if let Some(index) = frames.iter().position(|frame| !frame.is_place()) {
-                let wrong = FileError::new(path, "is no place: a quaternion of length 1 is needed");
-                return Err(wrong.at(format!("{key}[{index}]")));
+                let problem = "is no place: a quaternion of length 1 is needed";
+                return Err(file.wrong(format!("{key}[{index}]"), problem));
             }
         }
         let sizes = [
             ("discrepancy_mm", self.discrepancy_mm),
             ("discrepancy_mrad", self.discrepancy_mrad),
         ];
-        check_sizes(path, sizes)?;
+        file.sizes(sizes)?;
         let degrees = self.discrepancy_degrees.filter(|degrees| *degrees <= 0.0);
         if let Some(degrees) = degrees.filter(|_| self.discrepancy_model.is_none()) {
             let problem = format!("found {degrees}; a positive number is needed");
-            return Err(FileError::new(path, problem).at("discrepancy_degrees"));
+            return Err(file.wrong("discrepancy_degrees", problem));
         }
         let counted = (self.unknowns.len(), "unknowns");
         if let Some(model) = &self.discrepancy_model {
-            model.validate(path, counted.0)?;
+            model.validate(file, counted.0)?;
         }
-        covariance_of(
-            (path, "covariance"),
-            &self.covariance,
-            counted,
-            &ANY_VARIANCE,
-        )
+        file.covariance("covariance", &self.covariance, counted, &ANY_VARIANCE)
     }
 }
 
@@ -292,19 +284,16 @@ const fn as_computed() -> [f64; 2] {
 
 impl UnexplainedMessage {
     /// Whether it can belong to so many unknowns; joints are looked at beside a robot.
-    fn validate(&self, path: &Path, unknowns: usize) -> Result<(), FileError> {
-        let wrong = |key: &str, problem: String| {
-            Err(FileError::new(path, problem).at(format!("discrepancy_model.{key}")))
-        };
+    fn validate(&self, file: CheckedFile<'_>, unknowns: usize) -> Result<(), FileError> {
         if self.shift.len() != unknowns {
             let count = self.shift.len();
             let problem = format!("found {count} numbers; there are {unknowns} unknowns");
-            return wrong("shift", problem);
+            return Err(file.wrong("discrepancy_model.shift", problem));
         }
         for (key, scale) in [("scale", &self.scale), ("mean_scale", &self.mean_scale)] {
             if let Some(place) = scale.iter().position(|&scale| scale <= 0.0) {
                 let problem = format!("found {}; a positive number is needed", scale[place]);
-                return wrong(&format!("{key}[{place}]"), problem);
+                return Err(file.wrong(format!("discrepancy_model.{key}[{place}]"), problem));
             }
         }
         let sizes = [
@@ -314,19 +303,8 @@ impl UnexplainedMessage {
                 Some(self.remainder_mrad),
             ),
         ];
-        check_sizes(path, sizes)
+        file.sizes(sizes)
     }
-}
-
-/// Standard deviations of what a model leaves, which files have in thousandths of their units; none where there is none.
-pub(super) fn check_sizes(path: &Path, sizes: [(&str, Option<f64>); 2]) -> Result<(), FileError> {
-    for (key, size) in sizes {
-        if let Some(size) = size.filter(|size| *size < 0.0) {
-            let problem = format!("found {size}; zero or a size is needed");
-            return Err(FileError::new(path, problem).at(key));
-        }
-    }
-    Ok(())
 }
 
 /// The shortest arc that has all of some angles within a turn (rad): what the widest gap leaves.
@@ -482,6 +460,7 @@ impl MountedFrameMessage {
             quaternion: is_turned.then_some([w, x, y, z]),
             position_std_mm: errors[0],
             rotation_std_mrad: errors[1],
+            shifts: Vec::new(),
         }
     }
 
@@ -499,6 +478,7 @@ impl MountedFrameMessage {
             |[w, x, y, z]: [f64; 4]| UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
         let position_m = Vector3::from(self.position_mm) * 1e-3;
         let rotation = self.quaternion.map_or(otherwise.rotation, read);
-        Isometry3::from_parts(Translation3::from(position_m), rotation)
+        let read = Isometry3::from_parts(Translation3::from(position_m), rotation);
+        self.shifts.iter().fold(read, |frame, shift| frame * shift)
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{DMatrix, DVector, Isometry3, Vector3};
 
-use super::covariance::covariance_of;
+use super::checks::CheckedFile;
 use super::impossible::hold_impossible;
 use super::readings::{
     AbsoluteMessage, JointErrorMessage, MountedFrameMessage, ReadRange, UnknownMessage,
@@ -28,8 +28,6 @@ pub struct StoredRobot {
     pub message: AbsoluteMessage,
     /// The covariance of the unknowns, in their units.
     pub covariance: DMatrix<f64>,
-    /// How far frames, by the beginning of their unknowns' names, stand along and about their own axes from where the file has them.
-    frame_shifts: Vec<(String, Isometry3<f64>)>,
 }
 
 /// An unknown as a parameter of an arm.
@@ -102,9 +100,8 @@ impl StoredRobot {
     pub(super) fn new(path: &Path, message: AbsoluteMessage) -> Result<Self, FileError> {
         Ok(Self {
             path: path.to_owned(),
-            covariance: message.validate(path)?,
+            covariance: message.validate(CheckedFile(path))?,
             message,
-            frame_shifts: Vec::new(),
         })
     }
 
@@ -218,7 +215,7 @@ impl StoredRobot {
 
     /// What is wrong with a key of the file.
     pub(crate) fn wrong(&self, key: impl Into<String>, problem: String) -> FileError {
-        (FileError::new(&self.path, problem).at(key)).code(ErrorCode::IdentifiedFile)
+        (CheckedFile(&self.path).wrong(key, problem)).code(ErrorCode::IdentifiedFile)
     }
 
     /// Whether the readings showed a discrepancy: it consists of the errors that the scenario lists of readings, which count without one.
@@ -289,21 +286,15 @@ impl StoredRobot {
         for (unknown, shift) in other.message.unknowns.iter_mut().zip(shift) {
             unknown.value += shift;
         }
-        for frame in self.message.stations.iter().chain(&self.message.targets) {
+        let message = &mut other.message;
+        for frame in message.stations.iter_mut().chain(&mut message.targets) {
             let [moved, turned] = ["", "r"].map(|turn| {
                 let shift = |axis| shift_of(format!("{}.{turn}{axis}", frame.unknowns));
                 Vector3::from(["x", "y", "z"].map(|axis| shift(axis).unwrap_or(0.0)))
             });
-            let shift = Isometry3::new(moved, turned);
-            other.frame_shifts.push((frame.unknowns.clone(), shift));
+            frame.shifts.push(Isometry3::new(moved, turned));
         }
         other
-    }
-
-    /// A frame of the file beside what joints are off by.
-    pub(crate) fn shifted(&self, frame: Isometry3<f64>, unknowns: &str) -> Isometry3<f64> {
-        let shifts = self.frame_shifts.iter().filter(|(own, _)| own == unknowns);
-        shifts.fold(frame, |frame, (_, shift)| frame * shift)
     }
 
     /// What is known of the unknowns and of what they leave, for an arm that has their values: masses and springs as
@@ -327,15 +318,15 @@ impl StoredRobot {
                 None => plain,
             });
         };
-        let discrepancy_model =
-            |(key, problem): KeyProblem| self.wrong(format!("discrepancy_model.{key}"), problem);
-        let joints = joint_errors(&found.joints, arm).map_err(discrepancy_model)?;
+        let joints = self.joint_errors(&found.joints, arm)?;
         let knots = joints.iter().map(|each| each.values.len()).sum::<usize>();
-        let rows = whole(&found.covariance, unknowns + knots).map_err(discrepancy_model)?;
+        let rows = whole(&found.covariance, unknowns + knots)
+            .map_err(|problem| self.wrong("discrepancy_model.covariance", problem))?;
         let shift = found.shift.iter().zip(&values);
         let shift = shift.map(|(shift, each)| shift * each.factor);
         let (key, counted) = ("discrepancy_model.covariance", (rows.len(), "values"));
-        let covariance = covariance_of((&self.path, key), &rows, counted, &ANY_VARIANCE)
+        let covariance = CheckedFile(&self.path)
+            .covariance(key, &rows, counted, &ANY_VARIANCE)
             .map_err(|wrong| wrong.or_code(ErrorCode::IdentifiedFile))?;
         Ok(DiscrepancyModel {
             joints,
@@ -346,86 +337,84 @@ impl StoredRobot {
             mean_scale: found.mean_scale,
         })
     }
-}
 
-/// A key of the file below some other, and what is wrong with it.
-type KeyProblem = (String, String);
-
-/// What joints are off by.
-fn joint_errors(
-    messages: &[JointErrorMessage],
-    arm: &ElasticArm,
-) -> Result<Vec<JointError>, KeyProblem> {
-    let mut joints: Vec<JointError> = Vec::new();
-    for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
-        let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
-        let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
-        let MarkovProcess { knots, kernel } = &error.process;
-        let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
-        let (count, values) = (knots.len(), error.values.len());
-        let size = |found: f64| format!("found {found}; a size is needed");
-        let mut checks = vec![
-            (
-                "joint",
-                joint.is_some(),
-                format!("the robot has no joint {name:?}"),
-            ),
-            ("joint", !is_twice, format!("found {name:?} twice")),
-            (
-                "knots",
-                is_ascending,
-                "wants finite numbers in ascending order".to_owned(),
-            ),
-            (
-                "values",
-                values == count * kernel.order(),
-                format!("found {values}; there are {count} knots"),
-            ),
-            (
-                "knots",
-                error.turn_about.is_none() || knots.iter().all(|knot| knot - knots[0] < TAU),
-                "go over more than a turn".to_owned(),
-            ),
-            ("length", kernel.length > 0.0, size(kernel.length)),
-            ("deviation", error.deviation >= 0.0, size(error.deviation)),
-            (
-                "repeatability",
-                error.repeatability >= 0.0,
-                size(error.repeatability),
-            ),
-        ];
-        for (key, spread) in [
-            ("spread_of_positions", &error.spread_of_positions),
-            ("spread_of_rotations", &error.spread_of_rotations),
-        ] {
-            let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
-            let found = far.copied().unwrap_or_default();
-            let allowed =
-                format!("found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed");
-            checks.push((key, far.is_none(), allowed));
-            let count = spread.len();
-            let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
-            checks.push((key, count <= SPREAD_ORDERS, allowed));
+    /// What joints are off by.
+    fn joint_errors(
+        &self,
+        messages: &[JointErrorMessage],
+        arm: &ElasticArm,
+    ) -> Result<Vec<JointError>, FileError> {
+        let mut joints: Vec<JointError> = Vec::new();
+        for (index, JointErrorMessage { joint: name, error }) in messages.iter().enumerate() {
+            let joint = (arm.chain.joints.iter()).position(|joint| joint.name == *name);
+            let is_twice = joints.iter().any(|known| Some(known.joint) == joint);
+            let MarkovProcess { knots, kernel } = &error.process;
+            let is_ascending = !knots.is_empty() && knots.windows(2).all(|pair| pair[0] < pair[1]);
+            let (count, values) = (knots.len(), error.values.len());
+            let size = |found: f64| format!("found {found}; a size is needed");
+            let mut checks = vec![
+                (
+                    "joint",
+                    joint.is_some(),
+                    format!("the robot has no joint {name:?}"),
+                ),
+                ("joint", !is_twice, format!("found {name:?} twice")),
+                (
+                    "knots",
+                    is_ascending,
+                    "wants finite numbers in ascending order".to_owned(),
+                ),
+                (
+                    "values",
+                    values == count * kernel.order(),
+                    format!("found {values}; there are {count} knots"),
+                ),
+                (
+                    "knots",
+                    error.turn_about.is_none() || knots.iter().all(|knot| knot - knots[0] < TAU),
+                    "go over more than a turn".to_owned(),
+                ),
+                ("length", kernel.length > 0.0, size(kernel.length)),
+                ("deviation", error.deviation >= 0.0, size(error.deviation)),
+                (
+                    "repeatability",
+                    error.repeatability >= 0.0,
+                    size(error.repeatability),
+                ),
+            ];
+            for (key, spread) in [
+                ("spread_of_positions", &error.spread_of_positions),
+                ("spread_of_rotations", &error.spread_of_rotations),
+            ] {
+                let far = spread.iter().find(|value| value.abs() > MOST_SPREAD);
+                let found = far.copied().unwrap_or_default();
+                let allowed = format!(
+                    "found {found}; numbers from -{MOST_SPREAD} to {MOST_SPREAD} are needed"
+                );
+                checks.push((key, far.is_none(), allowed));
+                let count = spread.len();
+                let allowed = format!("found {count} numbers; {SPREAD_ORDERS} are the most");
+                checks.push((key, count <= SPREAD_ORDERS, allowed));
+            }
+            if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
+                return Err(self.wrong(format!("discrepancy_model.joints[{index}].{key}"), problem));
+            }
+            let mut error = error.clone();
+            error.process.kernel.period = error.turn_about.map(|_| TAU);
+            joints.extend(joint.map(|joint| JointError { joint, ..error }));
         }
-        if let Some((key, _, problem)) = checks.into_iter().find(|(_, holds, _)| !holds) {
-            return Err((format!("joints[{index}].{key}"), problem));
-        }
-        let mut error = error.clone();
-        error.process.kernel.period = error.turn_about.map(|_| TAU);
-        joints.extend(joint.map(|joint| JointError { joint, ..error }));
+        Ok(joints)
     }
-    Ok(joints)
 }
 
 /// All rows of a symmetric matrix of which the lower triangle is given.
-fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, KeyProblem> {
+fn whole(triangle: &[Vec<f64>], size: usize) -> Result<Vec<Vec<f64>>, String> {
     let is_triangle = triangle.len() == size
         && (triangle.iter().enumerate()).all(|(index, row)| row.len() == index + 1);
     if !is_triangle {
-        let problem = format!(
+        return Err(format!(
             "wants the lower triangle of {size} rows: of the unknowns, and of the joints' values"
-        );
-        return Err(("covariance".to_owned(), problem));
+        ));
     }
     let entry = |row: usize, column: usize| triangle[row.max(column)][row.min(column)];
     Ok((0..size)

@@ -148,8 +148,9 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
     let step = case.measurements.len().div_ceil(MOST_MEASUREMENTS).max(1);
     let mut read: Vec<Measurement> = case.measurements.iter().step_by(step).cloned().collect();
     for _ in 0..DEPTH {
-        let as_it_is = ReadingEvidence::new(case, &read, &read);
-        let best = best(case, &read, &as_it_is);
+        let now = case.with(&read);
+        let as_it_is = ReadingEvidence::new(&now, &read);
+        let best = best(&now, &as_it_is);
         let Some(likeliest) = best.first() else {
             break;
         };
@@ -169,12 +170,13 @@ pub fn likely_input_errors(case: &Case<'_>) -> Vec<LikelyInputError> {
         if !others.is_empty() {
             text += &format!(". As likely: {}", others.join("; "));
         }
-        read = corrected(case, &read, error);
+        let next = corrected(&now, error);
         found.push(LikelyInputError {
             kind: error.kind,
             text,
             log_evidence_ratio: gain / 2.0,
         });
+        read = next;
     }
     found
 }
@@ -186,12 +188,9 @@ struct LikelyError {
     gain: f64,
 }
 
-fn corrected(
-    case: &Case<'_>,
-    measurements: &[Measurement],
-    error: &InputError,
-) -> Vec<Measurement> {
-    let mut all = measurements.to_vec();
+/// The measurements of a case without an error.
+fn corrected(case: &Case<'_>, error: &InputError) -> Vec<Measurement> {
+    let mut all = case.measurements.to_vec();
     for each in &mut all {
         error.correct_commands(&mut each.configuration_rad);
         if let Correction::Deflection(change) = &error.change {
@@ -204,13 +203,13 @@ fn corrected(
 }
 
 /// The likeliest error and those that are as good, if one is decisively better than none.
-fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Vec<LikelyError> {
+fn best(case: &Case<'_>, as_it_is: &ReadingEvidence) -> Vec<LikelyError> {
     let judge = |(error, price): (InputError, f64)| {
-        let corrected = corrected(case, read, &error);
-        if !is_possible(case, read, &corrected) {
+        let corrected = corrected(case, &error);
+        if !is_possible(case, &corrected) {
             return None;
         }
-        let evidence = ReadingEvidence::new(case, read, &corrected);
+        let evidence = ReadingEvidence::new(case, &corrected);
         let gain = as_it_is.value - evidence.value - price;
         let explains = match error.kind {
             "signs_reversed" => evidence.scale > 0.0,
@@ -223,9 +222,7 @@ fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Ve
             gain,
         })
     };
-    let mut decisive: Vec<LikelyError> = (hypotheses(case, read).into_iter())
-        .filter_map(judge)
-        .collect();
+    let mut decisive: Vec<LikelyError> = (hypotheses(case).into_iter()).filter_map(judge).collect();
     decisive.sort_by(|one, other| other.gain.total_cmp(&one.gain));
     let largest = decisive.first().map_or(0.0, |first| first.gain);
     decisive.retain(|each| largest - each.gain < AS_GOOD);
@@ -239,13 +236,13 @@ fn best(case: &Case<'_>, read: &[Measurement], as_it_is: &ReadingEvidence) -> Ve
 }
 
 /// Whether the joints' ranges allow the angles that a correction made of the file's.
-fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -> bool {
+fn is_possible(case: &Case<'_>, after: &[Measurement]) -> bool {
     let is_allowed = |joint: usize, before: f64, after: f64| {
         let [from, to] = case.belief.nominal.chain.joints[joint].range_rad;
         let is_inside = (from - RANGE_SLACK_RAD..=to + RANGE_SLACK_RAD).contains(&after);
         (after - before).abs() < f64::EPSILON || is_inside
     };
-    before.iter().zip(after).all(|(before, after)| {
+    case.measurements.iter().zip(after).all(|(before, after)| {
         let [before, after] = [before, after].map(|each| &each.configuration_rad);
         (0..before.len()).all(|joint| is_allowed(joint, before[joint], after[joint]))
     })
@@ -253,10 +250,10 @@ fn is_possible(case: &Case<'_>, before: &[Measurement], after: &[Measurement]) -
 
 /// All errors that are looked for, the simple ones first, with what each costs: twice the logarithm of the number of errors of its kind,
 /// of sets of joints that turn the other way of those as large, and of what its parameters cost.
-fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError, f64)> {
+fn hypotheses(case: &Case<'_>) -> Vec<(InputError, f64)> {
     let chain = &case.belief.nominal.chain;
     let [reversed, _, units, swapped, _] = catalogue::of_commands(chain);
-    let rows = RowKinds::of(measurements);
+    let rows = RowKinds::of(case.measurements);
     let kinds = (catalogue::of_deflections(rows).into_iter()).chain([units, swapped]);
     let price = |count: usize| 2.0 * (count as f64).ln();
     let mut all: Vec<(InputError, f64)> = Vec::new();
@@ -274,7 +271,7 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
         (error, price)
     }));
     if rows == RowKinds::Deflections {
-        all.extend(rotation(case, measurements));
+        all.extend(rotation(case));
     }
     all
 }
@@ -283,7 +280,8 @@ fn hypotheses(case: &Case<'_>, measurements: &[Measurement]) -> Vec<(InputError,
 /// Kabsch's singular value decomposition), with the compliances that then fit, in turns. It starts
 /// from the turned frames of right angles that fit best. What its three angles cost is the share of all
 /// rotations that fit as well: (2 pi)^(3/2) det(I)^(-1/2) of 8 pi^2, for their information matrix I.
-fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError, f64)> {
+fn rotation(case: &Case<'_>) -> Option<(InputError, f64)> {
+    let measurements = case.measurements;
     let information: Matrix3<f64> = (measurements.iter())
         .map(|each| {
             let sigma = (each.sigma_m).map_or(case.sigma.weight_m(), |sigma| sigma.amax());
@@ -292,9 +290,8 @@ fn rotation(case: &Case<'_>, measurements: &[Measurement]) -> Option<(InputError
         })
         .sum();
     let price = information.determinant().ln() - 3.0 * TAU.ln() + 2.0 * (2.0 * TAU * TAU).ln();
-    let read = |matrix| corrected(case, measurements, &catalogue::in_frame(matrix));
-    let square =
-        |matrix: Matrix3<f64>| ReadingEvidence::new(case, measurements, &read(matrix)).square;
+    let read = |matrix| corrected(case, &catalogue::in_frame(matrix));
+    let square = |matrix: Matrix3<f64>| ReadingEvidence::new(case, &read(matrix)).square;
     let refined = |mut matrix: Matrix3<f64>| {
         for _ in 0..TURNS {
             let predicted = most_probable(case, &read(matrix))?;

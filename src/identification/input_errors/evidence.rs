@@ -27,8 +27,8 @@ pub struct ReadingEvidence {
 }
 
 impl ReadingEvidence {
-    /// The evidence for reading the measurements of a file as `read`.
-    pub fn new(case: &Case<'_>, file: &[Measurement], read: &[Measurement]) -> Self {
+    /// The evidence for reading the measurements of a case as `read`.
+    pub fn new(case: &Case<'_>, read: &[Measurement]) -> Self {
         let (matrix, values) = relative_rows(case, read);
         let predicted = matrix.column_sum();
         let scale = 1.0 + predicted.dot(&values) / predicted.norm_squared();
@@ -57,7 +57,7 @@ impl ReadingEvidence {
         let steps = successors(Some(smallest), |v| (*v < largest).then_some(v + STEP));
         let least = steps.map(at).fold(f64::INFINITY, f64::min);
         // What maps the file's numbers to those that are read turns densities into densities.
-        let each = file.iter().zip(read);
+        let each = case.measurements.iter().zip(read);
         let map: f64 = each
             .map(|(file, read)| 2.0 * log_of_map(case, file, read))
             .sum();

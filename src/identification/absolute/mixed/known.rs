@@ -59,9 +59,7 @@ impl MixedModel {
     /// What the readings say with these variance components; the model's joints are those that have functions. None where the numbers have
     /// no factorisation.
     pub fn with_known(&self, known: &VarianceComponents) -> Option<DiscrepancyModel> {
-        let variances = self.known_variances(known);
-        let solved = self.solved(&variances)?;
-        Some(self.model(&variances, &solved))
+        Some(self.model(&self.solved(self.known_variances(known))?))
     }
 
     /// The same where what is new at visits and at configurations is as the readings show it, and no smaller than is said; with the degrees
@@ -96,19 +94,19 @@ impl MixedModel {
                 next.all[place] = found.all[place].max(least.all[place]);
             }
         };
-        let (variances, solved, numbers) =
+        let (solved, numbers) =
             self.settled(variances, limit, REMAINDER_ROUNDS, REMAINDER_FOUND)?;
         let told: f64 = (places.iter().step_by(2))
             .map(|&place| numbers[place])
             .sum();
-        let found = variances.of_unread(0);
+        let found = solved.variances.of_unread(0);
         let is_said = found <= 1.01 * said[0] && said[0] > LEAST;
         let degrees = if is_said {
             f64::INFINITY
         } else {
             (told * (found + own) / found).max(1.0)
         };
-        Some((self.model(&variances, &solved), degrees))
+        Some((self.model(&solved), degrees))
     }
 
     fn known_variances(&self, known: &VarianceComponents) -> MixedVariances {

@@ -132,6 +132,9 @@ pub(super) struct MixedModel {
 
 /// What the model says with some variances.
 struct MixedSolution {
+    variances: MixedVariances,
+    /// Where the knots of each joint begin among all unknowns, behind the parameters and all waves, and the number of unknowns.
+    offsets: Vec<usize>,
     mean: DVector<f64>,
     covariance: DMatrix<f64>,
 }
@@ -287,17 +290,17 @@ impl MixedModel {
         }
     }
 
-    /// The likeliest variances, with what the model says then. Over a part of a turn large waves add up to next to nothing, and what hides in
+    /// What the model says with the likeliest variances. Over a part of a turn large waves add up to next to nothing, and what hides in
     /// parameters is no reason against them: no joint's are more than twice as large as what it is seen to be off by without.
-    fn likeliest(&self) -> Option<(MixedVariances, MixedSolution)> {
+    fn likeliest(&self) -> Option<MixedSolution> {
         let mut variances = self.first();
         let most = if self.waving.is_empty() {
             Vec::new()
         } else {
             let sample = self.sampled().unwrap_or_else(|| self.clone());
-            let (seen, _) = sample.with_waves(&[]).likeliest()?;
+            let seen = sample.with_waves(&[]).likeliest()?;
             let joints = self.waving.iter();
-            joints.map(|&joint| seen.all[2 + joint]).collect()
+            joints.map(|&joint| seen.variances.all[2 + joint]).collect()
         };
         let limit = |variances: &mut MixedVariances| {
             let waves = variances.all.iter_mut().skip(2 + self.joints.len());
@@ -306,41 +309,38 @@ impl MixedModel {
             }
         };
         limit(&mut variances);
-        let (variances, solved, _) = self.settled(variances, limit, ROUNDS, FOUND)?;
-        Some((variances, solved))
+        Some(self.settled(variances, limit, ROUNDS, FOUND)?.0)
     }
 
     /// Variances that are improved, each time within limits, so often or until their deviations change by less than this, by those visits that
-    /// they follow from; with what all say then, and how many numbers told each.
+    /// they follow from: what all say then, and how many numbers told each.
     fn settled(
         &self,
-        mut variances: MixedVariances,
+        variances: MixedVariances,
         limit: impl Fn(&mut MixedVariances),
         rounds: usize,
         found: f64,
-    ) -> Option<(MixedVariances, MixedSolution, Vec<f64>)> {
+    ) -> Option<(MixedSolution, Vec<f64>)> {
         if let Some(sample) = self.sampled() {
-            let (variances, _, told) = sample.settled(variances, limit, rounds, found)?;
-            let solved = self.solved(&variances)?;
-            return Some((variances, solved, told));
+            let (settled, told) = sample.settled(variances, limit, rounds, found)?;
+            return Some((self.solved(settled.variances)?, told));
         }
-        let mut solved = self.solved(&variances)?;
+        let mut solved = self.solved(variances)?;
         let mut told = Vec::new();
         for _ in 0..rounds {
-            let (mut next, numbers) = self.improved(&variances, &solved)?;
+            let (mut next, numbers) = self.improved(&solved)?;
             limit(&mut next);
             // The largest change of a deviation that matters, as a share of it.
-            let change = (next.all.iter().zip(&variances.all))
+            let change = (next.all.iter().zip(&solved.variances.all))
                 .filter(|(one, _)| **one > 10.0 * LEAST)
                 .map(|(one, other)| ((one / other).sqrt() - 1.0).abs())
                 .fold(0.0, f64::max);
-            (variances, told) = (next, numbers);
-            solved = self.solved(&variances)?;
+            (solved, told) = (self.solved(next)?, numbers);
             if change < found {
                 break;
             }
         }
-        Some((variances, solved, told))
+        Some((solved, told))
     }
 
     /// Half of what is unexplained in the joints.
@@ -382,18 +382,12 @@ impl MixedModel {
         }
     }
 
-    /// Where the knots of each joint begin among all unknowns, behind the parameters and all waves, and the number of unknowns.
-    fn offsets(&self, variances: &MixedVariances) -> Vec<usize> {
+    fn solved(&self, variances: MixedVariances) -> Option<MixedSolution> {
         let mut offsets = vec![self.units.ncols() + 2 * HIDDEN_WAVES * self.waving.len()];
         for each in &variances.process {
             offsets.push(offsets[offsets.len() - 1] + each.states());
         }
-        offsets
-    }
-
-    fn solved(&self, variances: &MixedVariances) -> Option<MixedSolution> {
-        let offsets = self.offsets(variances);
-        let of_visits = |visits: &[Arc<PoseReadings>]| sums_of(visits, variances, &offsets);
+        let of_visits = |visits: &[Arc<PoseReadings>]| sums_of(visits, &variances, &offsets);
         let (mut information, mut gradient) = self.sum_of(of_visits, |sum, piece| {
             sum.0 += piece.0;
             sum.1 += piece.1;
@@ -416,6 +410,8 @@ impl MixedModel {
         Some(MixedSolution {
             mean: &covariance * gradient,
             covariance,
+            offsets,
+            variances,
         })
     }
 
@@ -425,31 +421,23 @@ impl MixedModel {
         &self,
         parts: &[Self],
     ) -> Option<(DiscrepancyModel, Vec<DiscrepancyModel>)> {
-        let (variances, solved) = self.likeliest()?;
+        let solved = self.likeliest()?;
         let without = |part: usize| {
             let others = parts.iter().enumerate().filter(|(other, _)| *other != part);
             let visits = others.flat_map(|(_, other)| other.visits.iter().cloned());
             let others = Self {
                 visits: visits.collect(),
-                ..self.emptied()
+                ..self.of_visits(|_| false)
             };
-            let mut variances = variances.clone();
+            let mut variances = solved.variances.clone();
             for (joint, process) in variances.process.iter_mut().enumerate() {
                 let knots = knots_among(&others.angles(joint), process.knots.len());
                 process.knots = self.distinct(joint, knots);
             }
-            Some(others.model(&variances, &others.solved(&variances)?))
+            Some(others.model(&others.solved(variances)?))
         };
         let without = (0..parts.len()).into_par_iter().map(without);
-        Some((
-            self.model(&variances, &solved),
-            without.collect::<Option<_>>()?,
-        ))
-    }
-
-    /// The same without readings.
-    fn emptied(&self) -> Self {
-        self.of_visits(|_| false)
+        Some((self.model(&solved), without.collect::<Option<_>>()?))
     }
 
     /// Knots of a joint, the last of which is not the first again.
@@ -488,22 +476,19 @@ impl MixedModel {
     }
 
     /// Likelier variances, and how many numbers told each of those before.
-    fn improved(
-        &self,
-        variances: &MixedVariances,
-        solved: &MixedSolution,
-    ) -> Option<(MixedVariances, Vec<f64>)> {
-        let offsets = self.offsets(variances);
+    fn improved(&self, solved: &MixedSolution) -> Option<(MixedVariances, Vec<f64>)> {
+        let MixedSolution {
+            variances, offsets, ..
+        } = solved;
         // Numerators and denominators of what improves each variance.
         let of_visits = |visits: &[Arc<PoseReadings>]| {
             let mut sums = vec![[0.0; 2]; variances.all.len()];
             let mut at = 0;
-            let known = solved.of_dense(visits, offsets[0]);
+            let known = solved.of_dense(visits);
             for visit in visits {
                 let local = visit.local(variances);
                 let known = known.rows(at, visit.residual.len()).into_owned();
-                let places = (offsets.as_slice(), variances.of_poses);
-                visit.improve(&local, places, (solved, &known), &mut sums)?;
+                visit.improve(&local, solved, &known, &mut sums)?;
                 at += visit.residual.len();
             }
             Some(sums)

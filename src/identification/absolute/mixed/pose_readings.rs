@@ -142,16 +142,16 @@ impl PoseReadings {
     pub(super) fn improve(
         &self,
         local: &VisitEquations,
-        (offsets, of_poses): (&[usize], Option<usize>),
-        (solved, by_dense): (&MixedSolution, &DMatrix<f64>),
+        solved: &MixedSolution,
+        by_dense: &DMatrix<f64>,
         sums: &mut [[f64; 2]],
     ) -> Option<()> {
         let weight = Cholesky::new(local.covariance.clone())?.inverse();
-        let (left, known) = self.beside_known(local, offsets, solved, by_dense);
+        let (left, known) = self.beside_known(local, solved, by_dense);
         let left = &weight * left;
         let projected = &weight - &weight * known * &weight;
         for (row, column, is_one_visit) in self.pairs() {
-            for place in self.shared_by(row, is_one_visit, of_poses) {
+            for place in self.shared_by(row, is_one_visit, solved.variances.of_poses) {
                 let sum = &mut sums[place];
                 sum[0] += left[row] * left[column];
                 sum[1] += projected[(row, column)];
@@ -176,11 +176,10 @@ impl PoseReadings {
     pub(super) fn beside_known(
         &self,
         local: &VisitEquations,
-        offsets: &[usize],
         solved: &MixedSolution,
         by_dense: &DMatrix<f64>,
     ) -> (DVector<f64>, DMatrix<f64>) {
-        let dense = &self.dense;
+        let (dense, offsets) = (&self.dense, &solved.offsets);
         let joints = self.angles.len();
         let at = |joint: usize| {
             let terms = local.between[joint].terms();
@@ -279,20 +278,11 @@ pub(super) fn sums_of(
 
 impl MixedSolution {
     /// Visits' derivatives by parameters and waves times the covariance of these, one visit below the other.
-    pub(super) fn of_dense(
-        &self,
-        visits: &[impl Borrow<PoseReadings>],
-        first: usize,
-    ) -> DMatrix<f64> {
-        let visits = || visits.iter().map(Borrow::borrow);
-        let rows = visits().map(|each| each.residual.len()).sum();
-        let mut dense = DMatrix::zeros(rows, first);
-        let mut at = 0;
-        for visit in visits() {
-            let count = visit.residual.len();
-            (dense.rows_mut(at, count)).copy_from(&visit.dense);
-            at += count;
-        }
-        dense * self.covariance.view((0, 0), (first, first))
+    pub(super) fn of_dense(&self, visits: &[impl Borrow<PoseReadings>]) -> DMatrix<f64> {
+        let first = self.offsets[0];
+        let rows = visits
+            .iter()
+            .flat_map(|visit| visit.borrow().dense.row_iter());
+        DMatrix::from_rows(&rows.collect::<Vec<_>>()) * self.covariance.view((0, 0), (first, first))
     }
 }

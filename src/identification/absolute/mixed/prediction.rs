@@ -26,22 +26,24 @@ impl MixedModel {
     /// What the likeliest variances say, of some readings that were left out, too; and the shares of readings, and of rotations, that lie in
     /// their regions of 95 % as computed, each predicted by a fit to the others. None where the numbers have no factorisation.
     pub fn fit(&self, left_out: &[PoseReadings]) -> Option<(DiscrepancyModel, [Option<f64>; 2])> {
-        let (variances, solved) = self.likeliest()?;
-        let mut model = self.model(&variances, &solved);
+        let solved = self.likeliest()?;
+        let mut model = self.model(&solved);
         let kept = self.squares_by_others();
-        let left_out: Vec<PredictedPose<'_>> = (left_out.iter())
-            .map(|pose| self.squares_at(pose, &variances, &solved))
+        let left_out: Vec<_> = (left_out.iter())
+            .map(|pose| solved.squares_at(pose))
             .collect();
-        let predicted_by_others = [0, 1].map(|part| model.seen(part, &kept, &left_out));
+        let predicted_by_others = [0, 1].map(|part| {
+            let [kept, left_out]: [Vec<_>; 2] = [&kept, &left_out]
+                .map(|all| all.iter().filter_map(|pose| pose[part].clone()).collect());
+            model.seen(part, kept, &left_out)
+        });
         Some((model, predicted_by_others))
     }
 
-    pub(super) fn model(
-        &self,
-        variances: &MixedVariances,
-        solved: &MixedSolution,
-    ) -> DiscrepancyModel {
-        let offsets = self.offsets(variances);
+    pub(super) fn model(&self, solved: &MixedSolution) -> DiscrepancyModel {
+        let MixedSolution {
+            variances, offsets, ..
+        } = solved;
         let fixed = self.units.ncols();
         let knots = solved.mean.len() - fixed;
         let units = stack![self.units, 0; 0, DMatrix::identity(knots, knots)];
@@ -69,8 +71,7 @@ impl MixedModel {
 
     /// The standard deviations of what is new where no reading is, of positions (m) and rotations (rad), by the likeliest variances.
     pub fn rest(&self) -> Option<[f64; 2]> {
-        let (variances, _) = self.likeliest()?;
-        Some(self.rest_by(&variances))
+        Some(self.rest_by(&self.likeliest()?.variances))
     }
 
     fn rest_by(&self, variances: &MixedVariances) -> [f64; 2] {
@@ -85,30 +86,26 @@ impl MixedModel {
 
     /// The squares of position and rotation of each reading over their covariance, predicted by poses that its own was not among, variances
     /// and knots, too: those are chosen so that they suit what was fitted, at the angles where that stood.
-    fn squares_by_others(&self) -> Vec<PredictedPose<'_>> {
+    fn squares_by_others(&self) -> Vec<[Option<PoseSquares<'_>>; 2]> {
         let parts = (POSES_OF_PARTS / self.visits.len().max(1)).clamp(2, PARTS);
         let each = (0..parts).into_par_iter().map(|part| {
             let others = self.of_visits(|number| number % parts != part);
-            let (variances, solved) = others.likeliest()?;
+            let solved = others.likeliest()?;
             let own = self.visits.iter().skip(part).step_by(parts);
-            let squares = own.map(|pose| others.squares_at(pose, &variances, &solved));
+            let squares = own.map(|pose| solved.squares_at(pose));
             Some(squares.collect::<Vec<_>>())
         });
         let all: Vec<Option<Vec<_>>> = each.collect();
         all.into_iter().flatten().flatten().collect()
     }
+}
 
-    /// The same of a pose that was not fitted.
-    fn squares_at<'a>(
-        &self,
-        visit: &'a PoseReadings,
-        variances: &MixedVariances,
-        solved: &MixedSolution,
-    ) -> PredictedPose<'a> {
-        let offsets = self.offsets(variances);
-        let local = visit.local(variances);
-        let by_dense = solved.of_dense(std::slice::from_ref(visit), offsets[0]);
-        let (left, known) = visit.beside_known(&local, &offsets, solved, &by_dense);
+impl MixedSolution {
+    /// The squares of position and rotation over their covariance, of each reading of a pose that was not fitted.
+    fn squares_at<'a>(&self, visit: &'a PoseReadings) -> [Option<PoseSquares<'a>>; 2] {
+        let local = visit.local(&self.variances);
+        let by_dense = self.of_dense(std::slice::from_ref(visit));
+        let (left, known) = visit.beside_known(&local, self, &by_dense);
         let covariance = local.covariance + known;
         let firsts = (visit.coordinates.iter().enumerate()).filter(|(_, each)| **each == 0);
         let squares = firsts.map(|(at, _)| {
@@ -118,24 +115,25 @@ impl MixedModel {
             let covariance = covariance.view((at, at), (rows, rows)).into_owned();
             [0, 3].map(|first| region_square(&left, &covariance, first))
         });
-        PredictedPose {
-            angles: &visit.angles,
-            squares: squares.collect(),
-        }
+        let squares: Vec<[Option<f64>; 2]> = squares.collect();
+        [0, 1].map(|part| {
+            let squares: Vec<f64> = squares.iter().filter_map(|each| each[part]).collect();
+            (!squares.is_empty()).then(|| PoseSquares {
+                angles: &visit.angles,
+                weight: 1.0 / squares.len() as f64,
+                squares,
+                is_kept: true,
+            })
+        })
     }
 }
 
-/// A pose, with the squares of positions and rotations over the covariance of what was predicted for them.
-struct PredictedPose<'a> {
+/// The squares of a pose's readings, of positions or of rotations, over the covariance of what was predicted for them.
+#[derive(Clone)]
+struct PoseSquares<'a> {
     /// The commanded angles of the joints.
     angles: &'a [f64],
     /// Of each reading of each visit.
-    squares: Vec<[Option<f64>; 2]>,
-}
-
-/// The squares of a pose's readings, of positions or of rotations.
-struct PoseSquares<'a> {
-    angles: &'a [f64],
     squares: Vec<f64>,
     /// Of how many poses each tells.
     weight: f64,
@@ -143,21 +141,7 @@ struct PoseSquares<'a> {
     is_kept: bool,
 }
 
-impl<'a> PoseSquares<'a> {
-    /// Of all poses that have such readings.
-    fn of_part(part: usize, all: &[PredictedPose<'a>]) -> Vec<Self> {
-        let each = all.iter().map(|pose| {
-            let squares: Vec<f64> = pose.squares.iter().filter_map(|each| each[part]).collect();
-            Self {
-                angles: pose.angles,
-                weight: 1.0 / squares.len() as f64,
-                squares,
-                is_kept: true,
-            }
-        });
-        each.filter(|pose| !pose.squares.is_empty()).collect()
-    }
-
+impl PoseSquares<'_> {
     fn mean(&self) -> f64 {
         self.squares.iter().sum::<f64>() / self.squares.len() as f64
     }
@@ -176,13 +160,12 @@ impl DiscrepancyModel {
     /// Takes over how large errors of positions (0) or rotations (1) were that were seen: of readings that were fitted, and of others that were left
     /// out and count as far as they are no wrong ones but of a tail that the errors have. All readings of a pose count as one together: their
     /// errors are alike. Returns the share of the former that lies in regions of 95 % as computed.
-    fn seen(
+    fn seen<'a>(
         &mut self,
         part: usize,
-        kept: &[PredictedPose<'_>],
-        left_out: &[PredictedPose<'_>],
+        mut poses: Vec<PoseSquares<'a>>,
+        left_out: &[PoseSquares<'a>],
     ) -> Option<f64> {
-        let mut poses = PoseSquares::of_part(part, kept);
         let squares: Vec<f64> = poses
             .iter()
             .flat_map(|pose| &pose.squares)
@@ -201,7 +184,6 @@ impl DiscrepancyModel {
             self.scale[part] = largest / SQUARE_95;
             return share;
         }
-        let left_out = PoseSquares::of_part(part, left_out);
         let each = left_out.iter();
         let each = each.flat_map(|pose| pose.squares.iter().map(|square| (pose.angles, *square)));
         let each: Vec<(&[f64], f64)> = each.collect();

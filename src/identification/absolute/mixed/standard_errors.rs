@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-use super::{HIDDEN_WAVES, MixedModel, MixedVariances, PoseReadings};
+use super::{HIDDEN_WAVES, MixedModel, MixedSolution, PoseReadings};
 use crate::numeric::factorisation::inverse_of;
 
 /// The covariance (p x p) of parameters that were fitted with readings weighed as independent.
@@ -60,9 +60,11 @@ impl MixedModel {
     /// The covariance of a fit that took readings of different visits as independent with this discrepancy, where the variances are the
     /// likeliest: H^-1 (sum A^T V A) H^-1. None where the numbers have no factorisation.
     pub fn covariance_parts(&self) -> Option<CovarianceParts> {
-        let (variances, solved) = self.likeliest()?;
-        let (_, told) = self.improved(&variances, &solved)?;
-        let offsets = self.offsets(&variances);
+        let solved = self.likeliest()?;
+        let (_, told) = self.improved(&solved)?;
+        let MixedSolution {
+            variances, offsets, ..
+        } = &solved;
         let fixed = self.units.ncols();
         let of_visits = |visits: &[Arc<PoseReadings>]| {
             let mut sums = GradientSums {
@@ -71,7 +73,7 @@ impl MixedModel {
                 through: DMatrix::zeros(fixed, offsets.last()? - fixed),
             };
             for visit in visits {
-                sums.add(visit, &variances, &offsets)?;
+                sums.add(visit, &solved)?;
             }
             Some(sums)
         };
@@ -108,12 +110,10 @@ impl MixedModel {
 }
 
 impl GradientSums {
-    fn add(
-        &mut self,
-        visit: &PoseReadings,
-        variances: &MixedVariances,
-        offsets: &[usize],
-    ) -> Option<()> {
+    fn add(&mut self, visit: &PoseReadings, solved: &MixedSolution) -> Option<()> {
+        let MixedSolution {
+            variances, offsets, ..
+        } = solved;
         let fixed = self.curvature.ncols();
         let weighed = visit.weighed(fixed)?;
         self.curvature += weighed.tr_mul(&visit.dense.columns(0, fixed));

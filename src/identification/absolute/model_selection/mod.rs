@@ -120,30 +120,33 @@ type Skipped = Vec<(ParameterGroup, String)>;
 impl AbsoluteCase<'_> {
     /// Fits models with more and more parameters, and compares them. The case is left with the frames of a fit.
     pub fn model_selection(&mut self, weights: ReadingWeights) -> FitResult<ModelSelection> {
+        self.choices.weights = weights;
         self.check_frames()?;
         self.count_of_blocks()?;
         let start = self.far_from_frames();
         let mut case = self.without(&start);
         let mut steps = Vec::new();
-        let mut skipped = case.climb(&mut steps, weights)?;
+        let mut skipped = case.climb(&mut steps)?;
         let highest = steps.len().saturating_sub(1);
         case.fit_again(&mut steps[highest..])?;
-        let far_out = (steps.last()).filter(|_| !self.keeps_all).and_then(|top| {
-            let first = KeptFit {
-                case: case.clone(),
-                rejected: start.clone(),
-                discrepancy: (case.left(&top.fit.belief).ok())
-                    .map(|left| case.discrepancy_of(&left, &top.fit)),
-                fit: top.fit.clone(),
-                discrepancy_model: None,
-                consistency: None,
-            };
-            self.without_far_out(weights, &first)
-        });
+        let far_out = (steps.last())
+            .filter(|_| !self.choices.keeps_all)
+            .and_then(|top| {
+                let first = KeptFit {
+                    case: case.clone(),
+                    rejected: start.clone(),
+                    discrepancy: (case.left(&top.fit.belief).ok())
+                        .map(|left| case.discrepancy_of(&left, &top.fit)),
+                    fit: top.fit.clone(),
+                    discrepancy_model: None,
+                    consistency: None,
+                };
+                self.without_far_out(&first)
+            });
         let mut rejected = start;
         if let Some(found) = far_out {
             (case, rejected) = (found.case, found.rejected);
-            case.weigh_by(&found.fit, weights)?;
+            case.weigh_by(&found.fit)?;
             for step in &mut steps {
                 // Near enough to the frames of that fit to begin with.
                 step.fit.posterior.mean = from_its_frames(&step.fit).as_slice().to_vec();
@@ -154,7 +157,7 @@ impl AbsoluteCase<'_> {
                 let below = ORDER.iter().take_while(|group| **group != failed);
                 let below: Vec<_> = below.collect();
                 steps.retain(|step| below.contains(&&step.added));
-                skipped = case.climb(&mut steps, weights)?;
+                skipped = case.climb(&mut steps)?;
             }
         }
         case.fit_again(&mut steps)?;
@@ -196,7 +199,7 @@ impl AbsoluteCase<'_> {
             let plain = without[place].as_ref().ok()?;
             let fit = &fits[place];
             // Where the readings' own errors explain what the model leaves there are no others.
-            (self.fit_without(&rejected, &fit.set, weights, None).ok()?).discrepancy?;
+            (self.fit_without(&rejected, &fit.set, None).ok()?).discrepancy?;
             let mut model = with_joint_errors((&blocks, &judged), fit, (chosen, plain))?;
             found.compare_joint_errors(chosen, &mut model);
             Some(model)
@@ -227,11 +230,7 @@ impl AbsoluteCase<'_> {
     }
 
     /// Fits all nested models beyond those that there are, each from the one below and by what that leaves; the groups that make none.
-    fn climb(
-        &mut self,
-        steps: &mut Vec<NestedModelFit>,
-        weights: ReadingWeights,
-    ) -> FitResult<Skipped> {
+    fn climb(&mut self, steps: &mut Vec<NestedModelFit>) -> FitResult<Skipped> {
         let mut skipped = Vec::new();
         let there: Vec<ParameterGroup> = steps.iter().map(|step| step.added).collect();
         for added in ORDER.into_iter().filter(|added| !there.contains(added)) {
@@ -252,12 +251,12 @@ impl AbsoluteCase<'_> {
             } else {
                 let fit = fit_parameters(&self.arm, &set, &self.observations)?;
                 let values = self.rebased(&fit);
-                self.weigh_by(&fit, weights)?;
+                self.weigh_by(&fit)?;
                 self.fit_near(&set, values.as_slice(), Haste::Weights)
             };
             match fit.and_then(|fit| self.with_nominal_where_unknown(fit)) {
                 Ok(fit) => {
-                    self.weigh_by(&fit, weights)?;
+                    self.weigh_by(&fit)?;
                     steps.push(NestedModelFit { added, groups, fit });
                 }
                 Err(error) if steps.is_empty() => return Err(error),
@@ -282,8 +281,8 @@ impl AbsoluteCase<'_> {
     }
 
     /// Weighs readings by what a fit leaves of them, where it is not by their own covariances alone.
-    fn weigh_by(&mut self, fit: &ParameterFit, weights: ReadingWeights) -> FitResult<()> {
-        if weights != ReadingWeights::Own {
+    fn weigh_by(&mut self, fit: &ParameterFit) -> FitResult<()> {
+        if self.choices.weights != ReadingWeights::Own {
             let discrepancy = self.estimated_discrepancy(fit)?;
             self.weigh(discrepancy);
         }
