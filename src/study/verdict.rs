@@ -11,6 +11,8 @@ const LINEAR: f64 = 0.02;
 /// Normal errors of one coordinate scatter most: the standard error of an rms value r of n runs is r over the root of 2 n. Where it is more
 /// than so many times that, a few runs have errors that are not predicted, and their scatter excuses nothing.
 const SCATTER: f64 = 2.0;
+/// Fewer runs, alike by chance, know their scatter less than normal errors tell it.
+const FEW: u64 = 10;
 /// Where more of the runs fail, the others are no sample of what was predicted: softer robots fail first.
 const FAILED: f64 = 0.01;
 
@@ -31,8 +33,10 @@ pub enum Kept {
 impl Kept {
     /// What the rms distance of so many runs that was seen (m) says of the one that was predicted, where such a share of the runs failed.
     pub fn of(predicted_m: f64, seen_m: Measured, runs: u64, failed_share: f64) -> Self {
-        let most = SCATTER * predicted_m / (2.0 * runs as f64).sqrt();
-        let room = STANDARD_ERRORS * seen_m.standard_error.min(most) + LINEAR * predicted_m;
+        let normal = predicted_m / (2.0 * runs as f64).sqrt();
+        let least = if runs < FEW { normal } else { 0.0 };
+        let standard_error = (seen_m.standard_error.max(least)).min(SCATTER * normal);
+        let room = STANDARD_ERRORS * standard_error + LINEAR * predicted_m;
         if failed_share > FAILED {
             Self::Undecided
         } else if seen_m.value > predicted_m + room {
@@ -152,5 +156,16 @@ mod tests {
         assert_eq!(of(7.1, 3.5), Kept::Exceeded);
         assert_eq!(of(1.31, 0.1), Kept::Holds);
         assert_eq!(of(1.33, 0.15), Kept::Exceeded);
+        // Two runs that are alike by chance.
+        let of_two = |value| {
+            let observed = Measured {
+                value,
+                standard_error: 1e-3,
+            };
+            Kept::of(1.0, observed, 2, 0.0)
+        };
+        assert_eq!(of_two(0.2), Kept::Holds);
+        assert_eq!(of_two(1.8), Kept::Holds);
+        assert_eq!(of_two(2.6), Kept::Exceeded);
     }
 }

@@ -18,14 +18,14 @@ const GAUGE_M: f64 = 0.35;
 
 /// How a target is read, as all pictures show it: by a line of sight, or by an arrow the way that a gauge reads.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sight {
+pub struct SightLine {
     /// Whether a gauge reads.
     pub is_gauge: bool,
     /// From where to where it is drawn (m).
     pub ends_m: [Vector3<f64>; 2],
 }
 
-impl Sight {
+impl SightLine {
     /// Of a target (m) along a gauge's direction (unit vector), or from a station (m), or from the model's tracker, if something says so.
     pub fn new(
         instrument: &Instrument,

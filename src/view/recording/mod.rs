@@ -19,7 +19,7 @@ use crate::study::carried_out::{CarriedOut, CarriedOutRow};
 use crate::task::Task;
 use crate::testbed::Truth;
 use crate::text::wording::joined;
-pub use annotations::{Annotation, Sight};
+pub use annotations::{Annotation, SightLine};
 use bodies::bodies;
 pub use bodies::{LAST_SHOWN_GROUP, drawn, is_moved};
 use steps::{Stage, steps};
@@ -123,7 +123,7 @@ pub struct Step {
     /// Its force as an arrow (m), if there is one: the largest of all steps with the same tool has a fixed length.
     pub force_arrow_m: Option<Vector3<f64>>,
     /// How it is read, if somebody says.
-    pub sight: Option<Sight>,
+    pub sight: Option<SightLine>,
 }
 
 /// The arm standing somewhere.

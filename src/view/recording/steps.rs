@@ -2,7 +2,7 @@
 
 use nalgebra::Isometry3;
 
-use super::{Body, CarriedOutPlan, ShownArm, ShownTool, Sight, Step, tool_name};
+use super::{Body, CarriedOutPlan, ShownArm, ShownTool, SightLine, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
 use crate::record::run::MeasuredMessage;
@@ -69,7 +69,7 @@ impl Stage {
             world_from_link: self.links(&rest.coordinates),
             tool_m: rest.place_m,
         });
-        let sight = Sight::new(
+        let sight = SightLine::new(
             &self.instrument,
             &self.state,
             unloaded.tool_m,

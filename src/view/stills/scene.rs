@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::robot::{SerialChain, Tool};
 use crate::scenario::Scenario;
 use crate::task::station_named;
-use crate::view::recording::{LAST_SHOWN_GROUP, Sight, drawn, is_moved};
+use crate::view::recording::{LAST_SHOWN_GROUP, SightLine, drawn, is_moved};
 
 /// How far above the horizontal the viewer stands (rad).
 const ELEVATION: f64 = 0.33;
@@ -52,7 +52,7 @@ pub struct Scene {
     /// What is read (m).
     pub read: Point3<f64>,
     /// How that is read.
-    pub sight: Option<Sight>,
+    pub sight: Option<SightLine>,
     /// The name of the station that the instrument stands at, if the plan says so: the model has nothing there.
     pub station: Option<String>,
 }
@@ -84,7 +84,7 @@ impl Scenery {
             state.move_to(q);
             // Where no station has a place of its own, the model's tracker is where all are.
             let from_m = station.map(|station| station.sees_from(&read.coords));
-            let sight = Sight::new(
+            let sight = SightLine::new(
                 instrument,
                 &state,
                 read.coords,
