@@ -161,13 +161,13 @@ impl ReadingsWanted<'_> {
             Some(PlanOfRows::new(&own, found)).filter(|known| known.rho0_m.is_finite())
         });
         if known.is_none() {
-            return Ok(rounds.bettered(first?, planning, &of_rows));
+            return Ok(rounds.bettered(first?, planning, of_rows));
         }
         // One that is worse so far may end better.
         let starts = first.into_iter().chain(known).enumerate();
         let ends = starts.map(|(number, start)| {
             watch.part(number, 2, |watch| {
-                Rounds { watch, ..rounds }.bettered(start, planning, &of_rows)
+                Rounds { watch, ..rounds }.bettered(start, planning, of_rows)
             })
         });
         let best = ends.min_by(|one, other| one.rho0_m.total_cmp(&other.rho0_m));
