@@ -85,10 +85,7 @@ impl Model {
             model.wrap_type()[place] == MjtWrap::mjWRAP_JOINT
                 && joint.is_ok_and(|joint| self.locked_at(joint).is_some())
         };
-        let is_theirs = |&tendon: &usize| {
-            let [first, count] = [model.tendon_adr()[tendon], model.tendon_num()[tendon]];
-            (first..first + count).all(|place| usize::try_from(place).is_ok_and(is_locked))
-        };
+        let is_theirs = |&tendon: &usize| self.wraps(tendon).all(is_locked);
         let tendons = (0..model.tendon_adr().len()).filter(is_theirs);
         let name = |tendon| model.id_to_name(MjtObjBase::mjOBJ_TENDON, tendon);
         tendons.filter_map(name).map(str::to_owned).collect()

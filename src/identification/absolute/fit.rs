@@ -1,6 +1,6 @@
 //! The fit of absolute readings, its residuals and its conditions.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use super::super::conditions::{Told, impossible_compliance, inconsistent, left_out};
@@ -10,7 +10,6 @@ use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
 use super::choices::ReadingWeights;
-use super::unknowns::is_geometry;
 use super::{
     AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
     ParameterGroup, ReadingResidual, RejectedReading, Unexplained,
@@ -95,7 +94,7 @@ pub(super) struct KeptFit<'a> {
 }
 
 /// A fit by what is known of the readings' errors.
-struct FitByKnownErrors<'a> {
+pub(super) struct FitByKnownErrors<'a> {
     case: AbsoluteCase<'a>,
     /// By the instrument's errors alone; none where that was not asked, or went anywhere.
     own: Option<ParameterFit>,
@@ -107,7 +106,7 @@ struct FitByKnownErrors<'a> {
 
 impl FitByKnownErrors<'_> {
     /// Whether these errors explain the residuals.
-    fn is_explained(&self) -> bool {
+    pub(super) fn is_explained(&self) -> bool {
         let is_plausible = (self.consistency).is_none_or(|probability| probability >= IMPLAUSIBLE);
         self.counted.is_some() || self.own.is_some() && is_plausible
     }
@@ -172,52 +171,6 @@ impl<'a> AbsoluteCase<'a> {
                 None => return Ok(found),
             }
         }
-    }
-
-    /// The fit of more readings, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is none.
-    fn beside_soft_joints(
-        &self,
-        start: &[RejectedReading],
-        set: &ParameterSet,
-        found: &KeptFit<'a>,
-    ) -> Option<KeptFit<'a>> {
-        if found.rejected.is_empty() && found.discrepancy.is_none() {
-            return None;
-        }
-        let with = |soft: DMatrix<f64>| set.clone().with_precision(&soft);
-        let soft = with(outliers::for_soft_joints(set, None)?);
-        let of_all = || self.by_known_errors(&[], &soft, None);
-        if found.discrepancy.is_some() && !of_all().is_ok_and(|all| all.is_explained()) {
-            return None;
-        }
-        let first = self.fit_without(start, &soft, None).ok()?;
-        let all = self.without_far_out(&first).unwrap_or(first);
-        let values = Some(all.fit.posterior.mean.as_slice());
-        let soft = with(outliers::for_soft_joints(set, values)?);
-        let other = self.fit_without(&all.rejected, &soft, Some(&all));
-        let other = other.ok()?;
-        let are_fewer = other.rejected.len() < found.rejected.len();
-        let is_better = other.discrepancy.is_none() && (are_fewer || found.discrepancy.is_some());
-        is_better.then_some(other)
-    }
-
-    /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.
-    fn far_out_of_fewer(
-        &self,
-        set: &ParameterSet,
-        start: &[RejectedReading],
-    ) -> Option<Vec<RejectedReading>> {
-        let is_firm = |kind: ParameterKind| {
-            let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
-            kind.is_mounted() || is_geometry(kind) || is_compliance
-        };
-        let all = set.parameters();
-        let firm: Vec<usize> = (0..set.len())
-            .filter(|&place| is_firm(all[place].kind))
-            .collect();
-        let first = self.fit_without(start, &set.subset(&firm), None).ok()?;
-        let rejected = self.without_far_out(&first)?.rejected;
-        (rejected.len() > start.len()).then_some(rejected)
     }
 
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
@@ -312,6 +265,16 @@ impl<'a> AbsoluteCase<'a> {
         near: Option<&KeptFit<'a>>,
     ) -> FitResult<KeptFit<'a>> {
         let by_known = self.by_known_errors(rejected, set, near)?;
+        self.completed(by_known, rejected, set)
+    }
+
+    /// The fit of which this is the beginning: with a discrepancy, where what is known of errors does not explain the residuals.
+    pub(super) fn completed(
+        &self,
+        by_known: FitByKnownErrors<'a>,
+        rejected: &[RejectedReading],
+        set: &ParameterSet,
+    ) -> FitResult<KeptFit<'a>> {
         let is_explained = by_known.is_explained();
         let (mut case, mut consistency) = (by_known.case, by_known.consistency);
         let (fit, discrepancy) = match (by_known.counted, by_known.own) {
@@ -339,7 +302,7 @@ impl<'a> AbsoluteCase<'a> {
     }
 
     /// The same by what is known of the readings' errors, as far as it is asked.
-    fn by_known_errors(
+    pub(super) fn by_known_errors(
         &self,
         rejected: &[RejectedReading],
         set: &ParameterSet,
@@ -399,42 +362,6 @@ impl<'a> AbsoluteCase<'a> {
         let is_counted = is_plausible
             || consistency_of(&fit).is_some_and(|probability| plausible.contains(&probability));
         Ok(is_counted.then_some((counted, fit)))
-    }
-
-    /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
-    /// many do, or where the others determine less than all.
-    pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
-        let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
-        let suspects = self.looked_over(first, &first.fit)?.suspects();
-        if !first.rejected.is_empty() {
-            // Geometry and elasticity may explain what frames alone do not, and what is known before of all the rest alone.
-            let is_explained = || {
-                let all = self.by_known_errors(&[], set, None);
-                all.is_ok_and(|all| all.is_explained())
-            };
-            if suspects.as_ref().is_some_and(Vec::is_empty) || is_explained() {
-                let all = self.fit_without(&[], set, None).ok()?;
-                return Some(self.without_far_out(&all).unwrap_or(all));
-            }
-        }
-        let mut rejected = suspects?;
-        if rejected.is_empty()
-            && first.discrepancy.is_some()
-            && let Some(robust) = self.robust_fit(&first.fit)
-        {
-            // Many that err alike draw the fit to themselves, too.
-            rejected = self.looked_over(first, &robust)?.far_out()?;
-        }
-        let (rejected, mut found) = outliers::until_the_same(
-            rejected,
-            |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
-            |rejected, before| {
-                let found = (self.fit_without(rejected, set, before)).ok()?;
-                (found.fit.posterior.estimable.rank() >= rank).then_some(found)
-            },
-        )?;
-        found.rejected = rejected;
-        Some(found)
     }
 
     /// The fitted frames become those from which their parameters count, but for what is known of some before: the values of a fit (p)

@@ -1,19 +1,103 @@
 //! Outliers among absolute readings.
 
-use nalgebra::{DVector, Matrix6};
+use nalgebra::{DMatrix, DVector, Matrix6};
 
 use super::super::discrepancy::{discrepancy_covariance, six_rows};
 use super::super::fit::{FittedReadings, Haste, LinearReadings, ParameterFit};
-use super::super::outliers::LookedOver;
-use super::AbsoluteCase;
+use super::super::outliers::{self, LookedOver};
 use super::case::whitener;
-use super::fit::KeptFit;
+use super::fit::{FitByKnownErrors, KeptFit};
+use super::unknowns::is_geometry;
+use super::{AbsoluteCase, RejectedReading};
 use crate::numeric::tolerance::median;
+use crate::parameter::{ParameterKind, ParameterSet};
 
 /// Reweighted fits of a robust one, of either kind of weights.
 const ROBUST_ROUNDS: usize = 4;
 /// Where a fit uses up less of its readings than this share, no single one draws it to itself.
 const LITTLE: f64 = 0.1;
+
+impl<'a> AbsoluteCase<'a> {
+    /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
+    /// many do, or where the others determine less than all.
+    pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
+        let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
+        let suspects = self.looked_over(first, &first.fit)?.suspects();
+        if !first.rejected.is_empty() {
+            // Geometry and elasticity may explain what frames alone do not, and what is known before of all the rest alone.
+            let all = self.by_known_errors(&[], set, None).ok();
+            let is_none_suspect = suspects.as_ref().is_some_and(Vec::is_empty);
+            if is_none_suspect || all.as_ref().is_some_and(FitByKnownErrors::is_explained) {
+                let all = self.completed(all?, &[], set).ok()?;
+                return Some(self.without_far_out(&all).unwrap_or(all));
+            }
+        }
+        let mut rejected = suspects?;
+        if rejected.is_empty()
+            && first.discrepancy.is_some()
+            && let Some(robust) = self.robust_fit(&first.fit)
+        {
+            // Many that err alike draw the fit to themselves, too.
+            rejected = self.looked_over(first, &robust)?.far_out()?;
+        }
+        let (rejected, mut found) = outliers::until_the_same(
+            rejected,
+            |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
+            |rejected, before| {
+                let found = (self.fit_without(rejected, set, before)).ok()?;
+                (found.fit.posterior.estimable.rank() >= rank).then_some(found)
+            },
+        )?;
+        found.rejected = rejected;
+        Some(found)
+    }
+
+    /// The fit of more readings, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is none.
+    pub(super) fn beside_soft_joints(
+        &self,
+        start: &[RejectedReading],
+        set: &ParameterSet,
+        found: &KeptFit<'a>,
+    ) -> Option<KeptFit<'a>> {
+        if found.rejected.is_empty() && found.discrepancy.is_none() {
+            return None;
+        }
+        let with = |soft: DMatrix<f64>| set.clone().with_precision(&soft);
+        let soft = with(outliers::for_soft_joints(set, None)?);
+        let of_all = || self.by_known_errors(&[], &soft, None);
+        if found.discrepancy.is_some() && !of_all().is_ok_and(|all| all.is_explained()) {
+            return None;
+        }
+        let first = self.fit_without(start, &soft, None).ok()?;
+        let all = self.without_far_out(&first).unwrap_or(first);
+        let values = Some(all.fit.posterior.mean.as_slice());
+        let soft = with(outliers::for_soft_joints(set, values)?);
+        let other = self.fit_without(&all.rejected, &soft, Some(&all));
+        let other = other.ok()?;
+        let are_fewer = other.rejected.len() < found.rejected.len();
+        let is_better = other.discrepancy.is_none() && (are_fewer || found.discrepancy.is_some());
+        is_better.then_some(other)
+    }
+
+    /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.
+    pub(super) fn far_out_of_fewer(
+        &self,
+        set: &ParameterSet,
+        start: &[RejectedReading],
+    ) -> Option<Vec<RejectedReading>> {
+        let is_firm = |kind: ParameterKind| {
+            let is_compliance = matches!(kind, ParameterKind::JointCompliance { .. });
+            kind.is_mounted() || is_geometry(kind) || is_compliance
+        };
+        let all = set.parameters();
+        let firm: Vec<usize> = (0..set.len())
+            .filter(|&place| is_firm(all[place].kind))
+            .collect();
+        let first = self.fit_without(start, &set.subset(&firm), None).ok()?;
+        let rejected = self.without_far_out(&first)?.rejected;
+        (rejected.len() > start.len()).then_some(rejected)
+    }
+}
 
 impl AbsoluteCase<'_> {
     /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with

@@ -1,5 +1,7 @@
 //! Springs, friction, constraints, wind and what else pulls at an arm beside its actuators.
 
+use std::ops::Range;
+
 use mujoco_rs::prelude::MjtJoint;
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtEnableBit, MjtEq, MjtObjBase, MjtWrap};
 
@@ -54,16 +56,21 @@ impl Model {
             .filter(move |&tendon| acts && stiffens(stiffness[tendon], &higher[tendon]))
     }
 
+    /// What a tendon runs over, by its places among all that tendons do.
+    pub(in crate::mujoco) fn wraps(&self, tendon: usize) -> Range<usize> {
+        let [first, count] = [self.inner.tendon_adr(), self.inner.tendon_num()]
+            .map(|each| each[tendon].unsigned_abs() as usize);
+        first..first + count
+    }
+
     /// The sites that a tendon goes through; none where it has anything else on its way.
     fn sites_of_tendon(&self, tendon: usize) -> Option<Vec<usize>> {
         let model = &self.inner;
-        let first = model.tendon_adr()[tendon].unsigned_abs() as usize;
-        let count = model.tendon_num()[tendon].unsigned_abs() as usize;
         let site = |each: usize| {
             (model.wrap_type()[each] == MjtWrap::mjWRAP_SITE)
                 .then(|| model.wrap_objid()[each].unsigned_abs() as usize)
         };
-        (first..first + count).map(site).collect()
+        self.wraps(tendon).map(site).collect()
     }
 
     /// The springs of tendons that the chain knows.
@@ -122,10 +129,7 @@ impl Model {
             MjtEq::mjEQ_JOINT => Some(turns(first)),
             MjtEq::mjEQ_TENDON => {
                 // The length of a fixed tendon is a sum over joints.
-                let tendon = first.unsigned_abs() as usize;
-                let [begin, count] = [self.inner.tendon_adr(), self.inner.tendon_num()]
-                    .map(|each| each[tendon].unsigned_abs() as usize);
-                let wraps = begin..begin + count;
+                let wraps = self.wraps(first.unsigned_abs() as usize);
                 let is_sum = wraps
                     .clone()
                     .all(|each| self.inner.wrap_type()[each] == MjtWrap::mjWRAP_JOINT);
