@@ -116,7 +116,7 @@ impl Case<'_> {
                         block += model.covariance_shared(&own.load, &another.load);
                     }
                 }
-                let block = of_rows_there(&block, [own, another]);
+                leave_rows_there(&mut block, [own, another]);
                 let mut entries = covariance.view_mut((at, beside), (rows(place), rows(other)));
                 entries.copy_from(&block.view((0, 0), (rows(place), rows(other))));
                 beside += rows(other);
@@ -175,18 +175,17 @@ impl Case<'_> {
     }
 }
 
-/// The covariance of the rows that two measurements have, first in their places: of what is along a direction one alone.
-fn of_rows_there(whole: &Matrix6<f64>, of: [&Measurement; 2]) -> Matrix6<f64> {
-    let shown = of.map(|each| {
-        each.direction.map(|direction| {
+/// Leaves of a covariance the rows that two measurements have, first in their places: of what is along a direction one alone.
+fn leave_rows_there(whole: &mut Matrix6<f64>, of: [&Measurement; 2]) {
+    if of.iter().all(|each| each.direction.is_none()) {
+        return;
+    }
+    let [one, other] = of.map(|each| {
+        each.direction.map_or_else(Matrix6::identity, |direction| {
             let mut shown = Matrix6::zeros();
             (shown.fixed_view_mut::<1, 3>(0, 0)).copy_from(&direction.transpose());
             shown
         })
     });
-    if shown.iter().all(Option::is_none) {
-        return *whole;
-    }
-    let [one, other] = shown.map(|shown| shown.unwrap_or_else(Matrix6::identity));
-    one * whole * other.transpose()
+    *whole = one * *whole * other.transpose();
 }

@@ -378,19 +378,18 @@ impl Sweep {
     fn sum(&mut self, pose: &SweepPose<'_>) {
         let (state, joints) = (pose.state, pose.torque.len());
         let compliance = &pose.belief.compliance_rad_per_nm;
-        // How a joint stands off where it would: of what is compensated that which makes up for passive joints remains.
-        let off = |joint: usize| {
-            if pose.is_uncompensated() {
+        for (joint, &compliance) in compliance.iter().enumerate() {
+            // How a joint stands off where it would: of what is compensated that which makes up for passive joints remains.
+            let off = if pose.is_uncompensated() {
                 pose.made_up(joint)
             } else {
-                compliance[joint] * pose.torque[joint] + Self::crossed(pose, joint)
-            }
-        };
-        for (joint, &compliance) in compliance.iter().enumerate() {
+                compliance * pose.torque[joint] + Self::crossed(pose, joint)
+            };
             let moved = self.columns[joint] * compliance;
             self.inner[joint + 1] = self.inner[joint] + moved * state.turning[joint].transpose();
             self.bent_before[joint + 1] =
-                self.bent_before[joint] + state.rotation_column(joint) * off(joint);
+                self.bent_before[joint] + state.rotation_column(joint) * off;
+            self.bent_from[joint] = state.position_column(joint) * off;
         }
         let loaded = pose.loaded();
         for joint in (0..joints).rev() {
@@ -399,8 +398,8 @@ impl Sweep {
                 + loaded.rotation_column(joint).cross(&pose.load.torque_nm)
                 + state.weight_moment(joint, pose.gravity_m_s2);
             self.outer[joint] = self.outer[joint + 1] + moved * turned.transpose();
-            self.bent_from[joint] =
-                self.bent_from[joint + 1] + state.position_column(joint) * off(joint);
+            let beyond = self.bent_from[joint + 1];
+            self.bent_from[joint] += beyond;
         }
     }
 

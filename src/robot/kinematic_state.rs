@@ -288,6 +288,7 @@ impl KinematicState {
     }
 
     /// What gravity's torque about joint j follows a turn of all that the joint carries by (N m).
+    #[inline]
     pub(crate) fn weight_moment(&self, joint: usize, gravity_m_s2: &Vector3<f64>) -> Vector3<f64> {
         if *gravity_m_s2 == Vector3::zeros() {
             return Vector3::zeros();
