@@ -1,7 +1,8 @@
 //! What an identification is made from.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
+use super::error::{FitResult, OFF_PRIOR};
 use crate::measurement::Measurement;
 use crate::task::{Belief, Method};
 
@@ -80,6 +81,22 @@ impl<'a> Case<'a> {
         Case {
             measurements,
             ..self
+        }
+    }
+
+    /// What is known before as whitened equations (q x p) of a change from values of the unknowns, and what these leave of each (q): by the
+    /// linear method to first order about nominal values.
+    pub(super) fn prior_rows_at(
+        &self,
+        values: &DVector<f64>,
+    ) -> FitResult<(DMatrix<f64>, DVector<f64>)> {
+        let (known, rows) = (
+            self.belief.uncertain.set().prior(),
+            self.belief.uncertain.prior_rows(),
+        );
+        match self.method {
+            Method::Linear => Ok((rows.clone(), rows * (&known.mean - values))),
+            Method::Nonlinear => known.rows_at(rows, values).ok_or(OFF_PRIOR),
         }
     }
 

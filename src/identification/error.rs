@@ -10,6 +10,11 @@ use crate::numeric::posterior::NotDetermined;
 use crate::parameter::ParameterError;
 use crate::robot::EquilibriumError;
 
+/// Values that no prior has: a fit is not to go there.
+pub(super) const OFF_PRIOR: IdentificationError = IdentificationError::NotConverged {
+    step: f64::INFINITY,
+};
+
 /// Why nothing can be identified, or predicted. Measurements and readings count from 1.
 #[derive(Debug, Error, Clone, PartialEq)]
 pub enum IdentificationError {

@@ -317,14 +317,15 @@ pub(super) fn two_sided_student(freedom: f64) -> f64 {
         .map_or(f64::INFINITY, |student| exceeded_with(&student, 0.025))
 }
 
-/// The degrees of freedom of a parameter's variance, where those of the readings' are so many: what is known before is no estimate.
+/// The degrees of freedom of the variance of a parameter with a value, where those of the readings' are so many: what is known before is no
+/// estimate.
 pub(super) fn told_degrees(
     set: &ParameterSet,
     covariance: &DMatrix<f64>,
-    index: usize,
+    (index, value): (usize, f64),
     degrees: f64,
 ) -> f64 {
-    let known = set.prior().precision[(index, index)];
+    let known = set.prior().own_at(index, value);
     let told = 1.0 - covariance[(index, index)] * known;
     degrees / told.max(f64::EPSILON).powi(2)
 }

@@ -15,7 +15,6 @@ use super::discrepancy::ReadingResidual;
 use super::spread::ErrorSpread;
 use crate::numeric::quantile::exceeded_with;
 use crate::numeric::tolerance::{ends, median};
-use crate::parameter::{Parameter, ParameterKind, ParameterSet};
 use crate::text::wording::counted;
 
 /// Residuals that are as large, or as small, with less than this probability are no chance: with a
@@ -147,31 +146,6 @@ pub(super) fn plausible(probability: Option<f64>, ratio: f64) -> Option<f64> {
         doubtful if doubtful >= IMPLAUSIBLE => Some(ratio.max(1.0)),
         _ => None,
     }
-}
-
-/// Compliances, of which the logarithms are normal, are known as linear to so many standard deviations.
-const LINEAR: f64 = 3.0;
-
-/// What is to be added to the precision of what is known of a set (p x p, in one over its units), so that a compliance is as soft at so many
-/// standard deviations as outliers lie beyond as it is where its logarithm is normal, as robots are sampled: c (exp(5 s) - 1) / 5 stands for
-/// c s. Where a fit's values are given, of those joints alone that are softer than a linear prior has it. None where that changes nothing.
-pub(super) fn for_soft_joints(set: &ParameterSet, values: Option<&[f64]>) -> Option<DMatrix<f64>> {
-    let precision = &set.prior().precision;
-    let factor = |(place, parameter): (usize, &Parameter)| {
-        let is_compliance = matches!(parameter.kind, ParameterKind::JointCompliance { .. });
-        let own = precision[(place, place)].sqrt();
-        let is_far = values.is_none_or(|values| (values[place] - parameter.nominal) * own > LINEAR);
-        let is_linear = parameter.is_logarithmic || parameter.nominal <= 0.0 || own <= 0.0;
-        if !is_compliance || is_linear || !is_far {
-            return 1.0;
-        }
-        let far = FAR_OUT / (parameter.nominal * own);
-        far / far.exp_m1()
-    };
-    let factors = set.parameters().iter().enumerate().map(factor);
-    let factors = DVector::from_iterator(set.len(), factors);
-    let wide = precision.component_mul(&(&factors * factors.transpose()));
-    (factors.min() < 1.0).then(|| wide - precision)
 }
 
 impl LookedOver<'_> {

@@ -53,10 +53,9 @@ pub fn residuals(
     let measurements = kept(case.measurements, rejected);
     let fitted = case.with(&measurements);
     let mut rows = fitted.against(&posterior.mean)?;
-    let (prior, nominal) = (case.belief.uncertain.prior_rows(), case.belief.values());
-    let off = DVector::from_vec(nominal) - DVector::from_column_slice(&posterior.mean);
-    let before = prior * off;
-    let (matrix, left) = (stack![rows.matrix; *prior], stack![rows.left; before]);
+    let values = DVector::from_column_slice(&posterior.mean);
+    let (prior, before) = case.prior_rows_at(&values)?;
+    let (matrix, left) = (stack![rows.matrix; prior], stack![rows.left; before]);
     let fit = LeastSquares::solve(&matrix, &left, &posterior.estimable);
     // What a combination of compliances does that are not determined one by one is fitted, too.
     let left = left - matrix * &fit.solution;

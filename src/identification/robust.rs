@@ -4,8 +4,6 @@
 //! [`discrepancy_of`]. Deflections are few and often single ones hold a compliance, so that each is judged by the covariance of what a fit leaves of
 //! it, R - A cov A^T, and one that was left out by R + A cov A^T.
 
-use nalgebra::DMatrix;
-
 use super::case::{Case, Sigma};
 use super::discrepancy::{
     ReadingResidual, WEIGHINGS, discrepancy_of, repeats, six_rows, with_discrepancy,
@@ -75,45 +73,12 @@ impl<'a> Case<'a> {
     /// # Errors
     /// As [`identify`](Self::identify).
     pub fn identify_robustly(&self, robustness: Robustness) -> FitResult<RobustIdentification> {
-        let mut found = self.held_and_robust(robustness, None)?;
-        if let Some(others) = self.beside_soft_joints(robustness, &found) {
-            found = others;
-        }
+        let found = self.held_and_robust(robustness, None)?;
         let has_both = found.held.len() > self.held.len() && !found.rejected.is_empty();
         let without = has_both.then(|| self.held_and_robust(robustness, Some(&found.rejected)));
         let without = without.and_then(Result::ok);
         let without = without.filter(|other| other.held.len() < found.held.len());
         Ok(without.unwrap_or(found))
-    }
-
-    /// The same of more measurements, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is
-    /// none.
-    fn beside_soft_joints(
-        &self,
-        robustness: Robustness,
-        found: &RobustIdentification,
-    ) -> Option<RobustIdentification> {
-        let is_implausible = |found: &RobustIdentification| {
-            let consistency = found.identification.consistency;
-            consistency.is_some_and(|each| each < IMPLAUSIBLE)
-        };
-        if found.rejected.is_empty() && !is_implausible(found) {
-            return None;
-        }
-        let known = self.belief.uncertain.set();
-        let fitted = |soft: DMatrix<f64>, gross: Option<&[RejectedReading]>| {
-            let nominal = &self.belief.nominal.compliance_rad_per_nm;
-            let belief = &self.belief.informed(nominal, &soft);
-            let case = Case { belief, ..*self };
-            case.held_and_robust(robustness, gross).ok()
-        };
-        let all = fitted(outliers::for_soft_joints(known, None)?, None)?;
-        let values = Some(all.identification.posterior.mean.as_slice());
-        let soft = outliers::for_soft_joints(known, values)?;
-        let other = fitted(soft, Some(&all.rejected))?;
-        let are_fewer = other.rejected.len() < found.rejected.len();
-        let is_better = !is_implausible(&other) && (are_fewer || is_implausible(found));
-        is_better.then_some(other)
     }
 
     /// What is identified from all measurements, unless compliances are to stay nominal of which they tell less: then what is identified

@@ -34,7 +34,7 @@ pub(crate) use freedoms::relative_precision;
 pub use gear::{GearWave, WaveError, WavePhase};
 pub use kind::{Axis, ParameterKind, log_ratio};
 pub use level::SourceLevel;
-pub use prior::Prior;
+pub use prior::{Prior, PriorAt};
 pub use set::{Parameter, ParameterError, ParameterSet};
 pub use uncertainty::{
     DiscrepancyOf, ErrorDistribution, JointFunction, RangeNoise, ReadingSource, Source,

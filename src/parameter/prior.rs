@@ -8,16 +8,42 @@ use crate::numeric::posterior::Posterior;
 /// Eigenvalues below this share of the largest are rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// What is known of all parameters before any reading: a normal distribution of their values.
+/// Less of a precision than this share of it is what rounding leaves where the rest was taken off.
+const TAKEN_OFF: f64 = 1e-9;
+
+/// What is known of all parameters before any reading: a normal distribution of their values, or of the logarithms of some.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Prior {
     /// The mean (p).
     pub mean: DVector<f64>,
     /// The inverse of the covariance (p x p); zero rows where nothing is known.
     pub precision: DMatrix<f64>,
+    /// Places of positive parameters x, with standard deviations s: besides all else ln(x/mean)/s is standard normal. The precision has
+    /// that to first order about the mean, as 1/(s mean)^2.
+    pub ratios: Vec<(usize, f64)>,
+}
+
+/// What is known before as the normal equations of a change from values of the parameters have it, in units of typical sizes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorAt {
+    /// The precision, p x p.
+    pub precision: DMatrix<f64>,
+    /// Half the gradient of the square (p).
+    pub pull: DVector<f64>,
+    /// The square of how far the values are from what is known, in standard deviations.
+    pub square: f64,
 }
 
 impl Prior {
+    /// A normal distribution.
+    pub const fn new(mean: DVector<f64>, precision: DMatrix<f64>) -> Self {
+        Self {
+            mean,
+            precision,
+            ratios: Vec::new(),
+        }
+    }
+
     /// What an earlier identification tells of `count` parameters, of which its own are those at
     /// `places`; the others have the means of `nominal`. What it did not determine it does not tell.
     /// `None` where its covariance is singular within what it determined.
@@ -32,7 +58,7 @@ impl Prior {
                 precision[(place, other)] = own[(row, column)];
             }
         }
-        Some(Self { mean, precision })
+        Some(Self::new(mean, precision))
     }
 
     /// The same where nothing is known of one of the parameters any more, whose value is taken to be this: what is known of the others
@@ -54,6 +80,102 @@ impl Prior {
         DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
             self.precision[(row, column)] * typical[row] * typical[column]
         })
+    }
+
+    /// The precision of the parameter at a place where it has a value, in one over the square of its unit.
+    pub fn own_at(&self, place: usize, value: f64) -> f64 {
+        let all = self.precision[(place, place)];
+        let ratio = self.ratios.iter().find(|(own, _)| *own == place);
+        ratio.map_or(all, |(_, deviation)| {
+            let [of_ratio, here] = [self.mean[place], value].map(|at| (deviation * at).powi(-2));
+            Self::without_ratio(all, of_ratio) + here
+        })
+    }
+
+    /// What is left of a precision without that of a ratio.
+    fn without_ratio(all: f64, of_ratio: f64) -> f64 {
+        let others = all - of_ratio;
+        if others > TAKEN_OFF * all {
+            others
+        } else {
+            0.0
+        }
+    }
+
+    /// Those of the ratios that are of some of the parameters, by their places among these.
+    pub fn ratios_at(&self, indices: &[usize]) -> Vec<(usize, f64)> {
+        let own = |(own, place): (usize, &usize)| {
+            let known = self.ratios.iter().find(|(known, _)| known == place);
+            known.map(|(_, deviation)| (own, *deviation))
+        };
+        indices.iter().enumerate().filter_map(own).collect()
+    }
+
+    /// The precision without that of ratios (p x p).
+    fn linear(&self) -> DMatrix<f64> {
+        let mut precision = self.precision.clone();
+        for &(place, deviation) in &self.ratios {
+            let own = &mut precision[(place, place)];
+            *own = Self::without_ratio(*own, (deviation * self.mean[place]).powi(-2));
+        }
+        precision
+    }
+
+    /// The prior at values (p), where those known by ratios are positive.
+    pub fn at(&self, values: &DVector<f64>, typical: &[f64]) -> Option<PriorAt> {
+        let sizes = DVector::from_column_slice(typical);
+        let off = (values - &self.mean).component_div(&sizes);
+        let linear = Self::new(self.mean.clone(), self.linear());
+        let mut precision = linear.relative(typical);
+        let mut pull = &precision * &off;
+        let mut square = off.dot(&pull);
+        for &(place, deviation) in &self.ratios {
+            let value = values[place];
+            if value <= 0.0 {
+                return None;
+            }
+            let off = (value / self.mean[place]).ln() / deviation;
+            let slope = typical[place] / (deviation * value);
+            precision[(place, place)] += slope * slope;
+            pull[place] += slope * off;
+            square += off * off;
+        }
+        Some(PriorAt {
+            precision,
+            pull,
+            square,
+        })
+    }
+
+    /// A change from values (p) as a step of a fit: what is known by its ratio changes by a factor, no step by more than e.
+    pub fn step_from(&self, values: &DVector<f64>, mut change: DVector<f64>) -> DVector<f64> {
+        let logarithm = |(place, _): &(usize, f64)| (change[*place] / values[*place]).abs();
+        let share = self.ratios.iter().map(logarithm).fold(1.0, f64::max);
+        change /= share;
+        for &(place, _) in &self.ratios {
+            change[place] = values[place] * (change[place] / values[place]).exp_m1();
+        }
+        change
+    }
+
+    /// The [rows](Self::rows) of a change from values (p), and what these leave of each (r), where those known by ratios are positive.
+    pub fn rows_at(
+        &self,
+        rows: &DMatrix<f64>,
+        values: &DVector<f64>,
+    ) -> Option<(DMatrix<f64>, DVector<f64>)> {
+        let mut off = rows * (&self.mean - values);
+        let mut rows = rows.clone();
+        let first = rows.nrows() - self.ratios.len();
+        for (row, &(place, deviation)) in (first..).zip(&self.ratios) {
+            let (mean, value) = (self.mean[place], values[place]);
+            if value <= 0.0 {
+                return None;
+            }
+            rows[(row, place)] *= mean / value;
+            off[row] = (mean / value).ln() / deviation;
+        }
+        Some((rows, off))
     }
 
     /// The orthogonal directions of which something is known, in units of typical sizes, with its precision.
@@ -86,14 +208,22 @@ impl Prior {
     }
 
     /// The precision as whitened equations, r x p: rows of unit variance that parameters times them equal those
-    /// of the mean. `typical` sizes (p) keep units apart.
+    /// of the mean. `typical` sizes (p) keep units apart. Those of ratios come last.
     pub fn rows(&self, typical: &[f64]) -> DMatrix<f64> {
-        let typical = &self.own_sizes(typical);
-        let known = self.known(typical);
-        DMatrix::from_fn(known.len(), typical.len(), |row, column| {
-            let (precision, vector) = &known[row];
-            precision.sqrt() * vector[column] / typical[column]
-        })
+        let linear = Self::new(self.mean.clone(), self.linear());
+        let typical = &linear.own_sizes(typical);
+        let known = linear.known(typical);
+        DMatrix::from_fn(
+            known.len() + self.ratios.len(),
+            typical.len(),
+            |row, column| match known.get(row) {
+                Some((precision, vector)) => precision.sqrt() * vector[column] / typical[column],
+                None => match self.ratios[row - known.len()] {
+                    (place, deviation) if place == column => (deviation * self.mean[place]).recip(),
+                    _ => 0.0,
+                },
+            },
+        )
     }
 
     /// A matrix L (p x r) so that the mean + L z is distributed as what is known, for r
@@ -117,10 +247,8 @@ mod tests {
     /// What rounding leaves of a parameter of which nothing is known is no knowledge: it has its mean.
     #[test]
     fn rounding_is_no_knowledge() {
-        let prior = Prior {
-            mean: DVector::from_vec(vec![1e-6, 2e-6]),
-            precision: dmatrix![1e12, 1e-6; 1e-6, 3e-5],
-        };
+        let mean = DVector::from_vec(vec![1e-6, 2e-6]);
+        let prior = Prior::new(mean, dmatrix![1e12, 1e-6; 1e-6, 3e-5]);
         let spread = prior.spread(&[1e-6, 1e-6]);
         assert_eq!(spread.ncols(), 1);
         assert!((spread[(0, 0)].abs() / 1e-6 - 1.0).abs() < 1e-9);
@@ -163,13 +291,43 @@ mod tests {
         }
     }
 
+    /// What is known of a logarithm is linear at the mean; elsewhere its pull is the slope of its square, and rows say what equations do.
+    #[test]
+    fn ratios_are_normal_in_the_logarithm() {
+        let (mean, deviation) = (DVector::from_vec(vec![2.0, 5.0]), 0.5);
+        let plain = Prior::new(mean.clone(), dmatrix![3.0, 0.5; 0.5, 1.0]);
+        let mut prior = plain.clone();
+        prior.precision[(1, 1)] += (deviation * 5.0_f64).powi(-2);
+        prior.ratios = vec![(1, deviation)];
+        let typical = [1.0, 10.0];
+        let at_mean = prior.at(&mean, &typical).expect("positive");
+        let error = (&at_mean.precision - prior.relative(&typical)).amax();
+        assert!(error < 1e-12 * at_mean.precision.amax() && at_mean.square == 0.0);
+        let square = |x: f64, y: f64| {
+            let off = DVector::from_vec(vec![x, y]) - &mean;
+            off.dot(&(&plain.precision * &off)) + ((y / 5.0).ln() / deviation).powi(2)
+        };
+        let values = DVector::from_vec(vec![3.0, 40.0]);
+        let found = prior.at(&values, &typical).expect("positive");
+        assert!((found.square / square(3.0, 40.0) - 1.0).abs() < 1e-12);
+        let slope = (square(3.0, 40.001) - square(3.0, 39.999)) / 0.002 / 2.0;
+        assert!((found.pull[1] / typical[1] - slope).abs() < 1e-6 * slope);
+        let (rows, off) = prior
+            .rows_at(&prior.rows(&typical), &values)
+            .expect("positive");
+        let sizes = DMatrix::from_diagonal(&DVector::from_row_slice(&typical));
+        let again = &sizes * rows.tr_mul(&rows) * &sizes;
+        assert!((again - &found.precision).amax() < 1e-12 * found.precision.amax());
+        let pull = &sizes * rows.tr_mul(&off);
+        assert!((pull + &found.pull).amax() < 1e-12 * found.pull.amax());
+        let negative = DVector::from_vec(vec![3.0, -1.0]);
+        assert!(prior.at(&negative, &typical).is_none());
+    }
+
     /// What is known a billion times better than the rest hides none of it.
     #[test]
     fn a_very_good_prior_hides_no_other() {
-        let prior = Prior {
-            mean: DVector::zeros(2),
-            precision: dmatrix![1e18, 0.0; 0.0, 1.0],
-        };
+        let prior = Prior::new(DVector::zeros(2), dmatrix![1e18, 0.0; 0.0, 1.0]);
         let (rows, spread) = (prior.rows(&[1.0, 1.0]), prior.spread(&[1.0, 1.0]));
         let [precision, covariance] = [rows.tr_mul(&rows), &spread * spread.transpose()];
         for place in 0..2 {

@@ -166,10 +166,11 @@ impl ParameterSet {
         let precision = parameters
             .iter()
             .map(|each| each.prior_deviation.map_or(0.0, |d| (d * d).recip()));
-        let prior = Prior {
-            mean: DVector::from_iterator(parameters.len(), parameters.iter().map(|p| p.nominal)),
-            precision: DMatrix::from_diagonal(&DVector::from_iterator(parameters.len(), precision)),
-        };
+        let count = parameters.len();
+        let prior = Prior::new(
+            DVector::from_iterator(count, parameters.iter().map(|p| p.nominal)),
+            DMatrix::from_diagonal(&DVector::from_iterator(count, precision)),
+        );
         Ok(Self {
             nominal: Vec::new(),
             parameters,
@@ -182,10 +183,7 @@ impl ParameterSet {
         Self {
             parameters: Vec::new(),
             nominal: Vec::new(),
-            prior: Prior {
-                mean: DVector::zeros(0),
-                precision: DMatrix::zeros(0, 0),
-            },
+            prior: Prior::new(DVector::zeros(0), DMatrix::zeros(0, 0)),
         }
     }
 
@@ -195,10 +193,14 @@ impl ParameterSet {
         Self::new(belief, joints.iter().map(unknown))
     }
 
-    /// The same set, in which the parameter at a place is known besides to this standard deviation, about the value that it has in the
-    /// mean already.
+    /// The same set, in which the positive parameter at a place is known besides to this standard deviation, about the value that it has in
+    /// the mean already: to first order, since its logarithm is normal.
     pub fn with_deviation(mut self, place: usize, deviation: f64) -> Self {
         self.prior.precision[(place, place)] += deviation.powi(-2);
+        let mean = self.prior.mean[place];
+        if mean > 0.0 {
+            self.prior.ratios.push((place, deviation / mean));
+        }
         let scale = &mut self.parameters[place].scale;
         *scale = scale.min(deviation);
         self
@@ -212,12 +214,19 @@ impl ParameterSet {
         mean: &DVector<f64>,
         precision: &DMatrix<f64>,
     ) -> Self {
+        (self.prior.ratios).retain(|(place, _)| !places.contains(place));
         for (row, &place) in places.iter().enumerate() {
             self.prior.mean[place] = mean[row];
             for (column, &other) in places.iter().enumerate() {
                 self.prior.precision[(place, other)] = precision[(row, column)];
             }
         }
+        self
+    }
+
+    /// The same set, in which parameters are known by their ratios to the mean, as far as the precision has it already.
+    pub fn with_ratios(mut self, ratios: Vec<(usize, f64)>) -> Self {
+        self.prior.ratios = ratios;
         self
     }
 
@@ -273,6 +282,7 @@ impl ParameterSet {
             prior: Prior {
                 mean: self.prior.mean.select_rows(indices),
                 precision: (self.prior.precision.select_rows(indices)).select_columns(indices),
+                ratios: self.prior.ratios_at(indices),
             },
             nominal: Vec::new(),
         }

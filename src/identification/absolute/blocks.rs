@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::super::error::OFF_PRIOR;
 use super::super::fit::{FitProblem, Haste, ParameterFit, ReadingProblem};
 use super::{
     AbsoluteCase, AbsoluteFit, CopiedReadings, DiscrepancyModel, FitResult, JointError,
@@ -11,7 +12,7 @@ use super::{
 use crate::experiment::together;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{NormalEquations, ObservationModel, of_each_prediction};
-use crate::parameter::{ParameterSet, relative_precision};
+use crate::parameter::ParameterSet;
 
 /// With fewer blocks there is nothing to compare.
 pub const FEWEST_BLOCKS: usize = 4;
@@ -207,21 +208,21 @@ impl<'a> Blocks<'a> {
         others: NormalEquations,
     ) -> FitResult<Without> {
         let (part, set) = (&self.parts[block], &fit.set);
-        let prior = relative_precision(set);
+        let values = DVector::from_column_slice(&fit.posterior.mean);
+        let prior = set.prior().at(&values, set.scales().as_slice());
+        let prior = prior.ok_or(OFF_PRIOR)?.precision;
         // What the other blocks determine of what all determine, in typical sizes, and what they do not.
         let all = fit.posterior.estimable.basis();
-        let within = all.tr_mul(&(&others.information + &prior)) * all;
+        let within = all.tr_mul(&(&others.information + prior)) * all;
         let estimable = Estimable::new(&within, &vec![1.0; all.ncols()]);
         let (basis, hidden) = (all * estimable.basis(), all * estimable.hidden());
         let problem = |readings| ReadingProblem {
             readings,
-            prior: prior.clone(),
             basis: &basis,
             haste: Haste::Near,
         };
-        let values = DVector::from_column_slice(&fit.posterior.mean);
         let of_block = problem(part.fitted_readings(set));
-        let change = of_block.change(&of_block.solved(values.clone(), others)?.step);
+        let change = of_block.change(&values, &of_block.solved(values.clone(), others)?.step);
         let mut values = values + &change;
         let found = part.fitted_readings(set).equations(&values)?.square;
         let change = change.component_div(&set.scales());
@@ -235,7 +236,7 @@ impl<'a> Blocks<'a> {
                 if now.length() < SHORT {
                     break;
                 }
-                values += problem.change(&now.step);
+                values += problem.change(&now.values, &now.step);
             }
         }
         Ok(Without {

@@ -143,8 +143,11 @@ impl<'a> AbsoluteCase<'a> {
         are_given: bool,
     ) -> FitResult<KeptFit<'a>> {
         let mut set = free.clone();
+        let mut near: Option<KeptFit<'a>> = None;
         loop {
-            let mut found = match self.fit_without(start, &set, None) {
+            let begun = near.and_then(|near| self.fit_without(start, &set, Some(&near)).ok());
+            let begun = begun.map_or_else(|| self.fit_without(start, &set, None), Ok);
+            let mut found = match begun {
                 Err(IdentificationError::NotConverged { step }) if !are_given => {
                     let rejected = self.far_out_of_fewer(&set, start);
                     let rejected = rejected.ok_or(IdentificationError::NotConverged { step })?;
@@ -153,9 +156,6 @@ impl<'a> AbsoluteCase<'a> {
                 found => found?,
             };
             if !are_given && let Some(others) = self.without_far_out(&found) {
-                found = others;
-            }
-            if !are_given && let Some(others) = self.beside_soft_joints(start, &set, &found) {
                 found = others;
             }
             let fit = &found.fit;
@@ -167,7 +167,7 @@ impl<'a> AbsoluteCase<'a> {
                 });
             }
             match other {
-                Some(other) => set = other,
+                Some(other) => (set, near) = (other, Some(found)),
                 None => return Ok(found),
             }
         }
@@ -428,7 +428,10 @@ impl AbsoluteFit {
     pub fn reach95(&self, index: usize) -> f64 {
         let degrees = match &self.discrepancy_model {
             Some(model) => model.degrees[index],
-            None => told_degrees(&self.set, &self.posterior.covariance, index, self.degrees),
+            None => {
+                let of = (index, self.posterior.mean[index]);
+                told_degrees(&self.set, &self.posterior.covariance, of, self.degrees)
+            }
         };
         two_sided_student(degrees)
     }

@@ -283,9 +283,14 @@ impl SeriesEstimates {
         let [own, others] = [self, other].map(|series| &series.fit.posterior.covariance);
         let mut of_readings = [own[(one, one)], others[(second, second)]];
         let mut of_priors = 0.0;
-        for (kind, place, precision) in known_alone(&self.fit.set) {
-            let twin = known_alone(&other.fit.set).find(|(each, ..)| *each == kind);
-            if let Some((_, twin, _)) = twin {
+        let alone = |fit: &ParameterFit| {
+            let known = known_alone(&fit.set, &fit.posterior.mean);
+            known.collect::<Vec<_>>()
+        };
+        let others_alone = alone(&other.fit);
+        for (kind, place, precision) in alone(&self.fit) {
+            let twin = others_alone.iter().find(|(each, ..)| *each == kind);
+            if let Some(&(_, twin, _)) = twin {
                 let pulled = [own[(one, place)], others[(second, twin)]];
                 of_priors += precision * (pulled[0] - pulled[1]).powi(2);
                 for (own, pulled) in of_readings.iter_mut().zip(pulled) {

@@ -1,6 +1,6 @@
 //! Outliers among absolute readings.
 
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{DVector, Matrix6};
 
 use super::super::discrepancy::{discrepancy_covariance, six_rows};
 use super::super::fit::{FittedReadings, Haste, LinearReadings, ParameterFit};
@@ -50,33 +50,6 @@ impl<'a> AbsoluteCase<'a> {
         )?;
         found.rejected = rejected;
         Some(found)
-    }
-
-    /// The fit of more readings, or without a discrepancy, where joints are soft that a linear prior says nothing of; none where there is none.
-    pub(super) fn beside_soft_joints(
-        &self,
-        start: &[RejectedReading],
-        set: &ParameterSet,
-        found: &KeptFit<'a>,
-    ) -> Option<KeptFit<'a>> {
-        if found.rejected.is_empty() && found.discrepancy.is_none() {
-            return None;
-        }
-        let with = |soft: DMatrix<f64>| set.clone().with_precision(&soft);
-        let soft = with(outliers::for_soft_joints(set, None)?);
-        let of_all = || self.by_known_errors(&[], &soft, None);
-        if found.discrepancy.is_some() && !of_all().is_ok_and(|all| all.is_explained()) {
-            return None;
-        }
-        let first = self.fit_without(start, &soft, None).ok()?;
-        let all = self.without_far_out(&first).unwrap_or(first);
-        let values = Some(all.fit.posterior.mean.as_slice());
-        let soft = with(outliers::for_soft_joints(set, values)?);
-        let other = self.fit_without(&all.rejected, &soft, Some(&all));
-        let other = other.ok()?;
-        let are_fewer = other.rejected.len() < found.rejected.len();
-        let is_better = other.discrepancy.is_none() && (are_fewer || found.discrepancy.is_some());
-        is_better.then_some(other)
     }
 
     /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.

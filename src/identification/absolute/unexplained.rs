@@ -74,7 +74,8 @@ impl AbsoluteCase<'_> {
         let model = model.estimated(degrees);
         let count = set.len();
         let covariance = model.covariance.view((0, 0), (count, count)).into_owned();
-        let degrees = (0..count).map(|index| told_degrees(set, &covariance, index, degrees));
+        let values = fit.posterior.mean.iter().copied().enumerate();
+        let degrees = values.map(|value| told_degrees(set, &covariance, value, degrees));
         let degrees = degrees.collect();
         let mut told = self.told_by(model, &rows, &fit.posterior, &covariance, degrees);
         // From here on parameters count from where they are likeliest.
@@ -99,7 +100,7 @@ impl AbsoluteCase<'_> {
             return None;
         }
         let rows = (self.rows_at(&self.arm, set, &posterior.mean, &joints)).ok()?;
-        let mixed = MixedModel::new(self, &rows, joints, (set, posterior), discrepancy);
+        let mixed = MixedModel::new(self, &rows, joints, (set, posterior), discrepancy)?;
         Some((rows, mixed))
     }
 

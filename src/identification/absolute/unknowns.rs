@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::{AbsoluteCase, FitResult, IdentificationError};
 use crate::numeric::random::generator;
 use crate::observation::{Observation, PlannedReading, planned_information};
-use crate::parameter::{Axis, ElasticArm, Freedoms, Parameter, ParameterKind, ParameterSet, Prior};
+use crate::parameter::{Axis, ElasticArm, Freedoms, Parameter, ParameterKind, ParameterSet};
 use crate::robot::{Elements, Load};
 
 /// Configurations that stand for all that a robot can do, for each station and target.
@@ -226,9 +226,10 @@ impl AbsoluteCase<'_> {
         let all = all.with_earlier(&first, &mean, &precision);
         let all = self.belief.beside_left_out(all, &known);
         let about = self.about_places(&all);
-        let Prior { mean, precision } = all.prior().clone();
+        let (mean, precision) = (all.prior().mean.clone(), all.prior().precision.clone());
         let places: Vec<usize> = (0..all.len()).collect();
-        Ok(all.with_earlier(&places, &mean, &about.tr_mul(&(precision * &about))))
+        let all = all.with_earlier(&places, &mean, &about.tr_mul(&(precision * &about)));
+        Ok(all.with_ratios(self.belief.uncertain.set().prior().ratios_at(&known)))
     }
 
     /// The same with what was left out.

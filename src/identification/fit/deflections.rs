@@ -51,8 +51,10 @@ pub struct FitStart {
 #[derive(Debug)]
 struct StartEquations {
     whitening: Whitening,
-    /// What is known before, as whitened equations (q x p) of the change from nominal values.
+    /// What is known before, as whitened equations (q x p) of the change from nominal values,
     prior: DMatrix<f64>,
+    /// and whether these are others elsewhere.
+    has_ratios: bool,
     nominal: DVector<f64>,
     /// The equations to first order in compliance.
     linear: DeflectionRows,
@@ -98,7 +100,8 @@ impl StartEquations {
     fn new(source: &Case<'_>, is_near: bool) -> Self {
         let whitening = source.whitening();
         let nominal = DVector::from_vec(source.belief.values());
-        let prior = source.belief.uncertain.prior_rows().clone();
+        let known = &source.belief.uncertain;
+        let prior = known.prior_rows().clone();
         let off = DVector::zeros(prior.nrows());
         let rows = |predicted| DeflectionRows::new(predicted, &whitening, &prior, &off);
         let linear = rows(source.predicted_linearly());
@@ -110,6 +113,7 @@ impl StartEquations {
             at_rest: at_rest.flatten().map(rows),
             whitening,
             prior,
+            has_ratios: !known.set().prior().ratios.is_empty(),
             nominal,
             torques,
         }
@@ -164,9 +168,14 @@ impl FitStart {
 
     /// What equations say of what is determined (r x r).
     fn information(&self, rows: &DeflectionRows) -> DMatrix<f64> {
-        let readings = rows.matrix.nrows() - self.equations.prior.nrows();
+        let before = self.equations.prior.nrows();
+        let readings = rows.matrix.nrows() - before;
         let within = (self.estimable).coordinates(rows.matrix.rows(0, readings).transpose());
-        let mut information = self.before.clone();
+        let mut information = if self.equations.has_ratios {
+            gram(&(rows.matrix.rows(readings, before) * self.estimable.basis_in_units()))
+        } else {
+            self.before.clone()
+        };
         information.gemm(1.0, &within, &within.transpose(), 1.0);
         information
     }
@@ -243,13 +252,9 @@ impl FitProblem for DeflectionProblem<'_> {
     fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>> {
         let start = self.start;
         let predicted = (self.source).predicted(values.as_slice(), &mut self.torques)?;
-        let off = &start.equations.prior * (&start.equations.nominal - &values);
-        let rows = DeflectionRows::new(
-            predicted,
-            &start.equations.whitening,
-            &start.equations.prior,
-            &off,
-        );
+        let equations = &start.equations;
+        let (prior, off) = self.source.prior_rows_at(&values)?;
+        let rows = DeflectionRows::new(predicted, &equations.whitening, &prior, &off);
         let rows = rows.reading(&self.read);
         let information = start.information(&rows);
         let factor = sound_factor(information.clone());
@@ -265,8 +270,9 @@ impl FitProblem for DeflectionProblem<'_> {
         })
     }
 
-    fn change(&self, step: &DVector<f64>) -> DVector<f64> {
-        self.start.estimable.in_units(step.clone())
+    fn change(&self, values: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
+        let prior = self.source.belief.uncertain.set().prior();
+        prior.step_from(values, self.start.estimable.in_units(step.clone()))
     }
 
     fn coordinates(&self, change: &DVector<f64>) -> DVector<f64> {
@@ -308,15 +314,20 @@ pub fn fit_nonlinear(
     near: Option<&[f64]>,
 ) -> FitResult<DeflectionFit> {
     let (read, nominal) = (start.read(source), &start.equations.nominal);
+    let prior = source.belief.uncertain.set().prior();
     let (first, begun) = if let Some(near) = near {
         let off = DVector::from_column_slice(near) - nominal;
-        (start.estimable.coordinates_of(&off), 0.0)
+        let within = start.estimable.coordinates_of(&off);
+        (start.estimable.in_units(within), 0.0)
     } else {
         let rows = start.equations.at_nominal().clone().reading(&read);
         let gradient = start.gradient(&rows);
         let step = start.step(&rows, &gradient, start.factor.as_ref());
         let length = gradient.dot(&step).max(0.0).sqrt();
-        (step, length)
+        (
+            prior.step_from(nominal, start.estimable.in_units(step)),
+            length,
+        )
     };
     let mut problem = DeflectionProblem {
         start,
@@ -325,9 +336,8 @@ pub fn fit_nonlinear(
         torques: start.equations.torques.clone(),
         begun,
     };
-    let first = nominal + problem.change(&first);
-    let first =
-        (problem.at(first)).or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
+    let first = (problem.at(nominal + first))
+        .or_else(|error| problem.at(nominal.clone()).map_err(|_| error))?;
     let (found, iterations) = gauss_newton(&mut problem, first)?;
     let (rows, factor) = found.kept;
     Ok(start.end(source, rows, &found.values, factor.as_ref(), iterations))

@@ -44,8 +44,9 @@ pub trait FitProblem {
     /// The equations at values of the unknowns (p), with their solution.
     fn at(&mut self, values: DVector<f64>) -> FitResult<FitPlace<Self::Kept>>;
 
-    /// A step in coordinates of what is determined (r) as a change of the unknowns (p), no longer than what the model can follow.
-    fn change(&self, step: &DVector<f64>) -> DVector<f64>;
+    /// A step in coordinates of what is determined (r) as a change from values of the unknowns (p), no longer than what the model can
+    /// follow.
+    fn change(&self, values: &DVector<f64>, step: &DVector<f64>) -> DVector<f64>;
 
     /// A change of the unknowns (p) in coordinates of what is determined (r).
     fn coordinates(&self, change: &DVector<f64>) -> DVector<f64>;
@@ -122,7 +123,9 @@ pub fn gauss_newton<Problem: FitProblem>(
         // A step by the curvature, too, where it is better.
         let curved = curvature.as_ref().and_then(|curvature| {
             let step = Cholesky::new(&now.information + curvature)?.solve(&now.gradient);
-            let found = problem.at(&now.values + problem.change(&step)).ok()?;
+            let found = problem
+                .at(&now.values + problem.change(&now.values, &step))
+                .ok()?;
             let is_nearer =
                 found.length() < now.length() && found.square <= now.square * (1.0 + ROUNDING);
             (found.square < now.square || is_nearer).then_some(found)
@@ -144,7 +147,7 @@ fn halved_step<Problem: FitProblem>(
     problem: &mut Problem,
     now: &FitPlace<Problem::Kept>,
 ) -> FitResult<FitPlace<Problem::Kept>> {
-    let (mut change, mut size) = (problem.change(&now.step), now.step.amax());
+    let (mut change, mut size) = (problem.change(&now.values, &now.step), now.step.amax());
     let step = now.length();
     let mut reason = IdentificationError::NotConverged { step };
     for _ in 0..=HALVINGS {

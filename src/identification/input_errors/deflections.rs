@@ -43,9 +43,11 @@ const SHARE_LEFT: f64 = 0.25;
 const DEPTH: usize = 3;
 /// From so many measurements, evenly spread, errors are looked for.
 const MOST_MEASUREMENTS: usize = 300;
-/// A compliance is implausible where it is nearer to 9.81 times the nominal one, or its 9.81th part,
-/// than to the nominal one: beyond the root of 9.81.
-const IMPLAUSIBLE_RATIO: f64 = 3.132;
+/// A compliance is implausible where its logarithm is nearer to that of 9.81 times the nominal one, or of its 9.81th part, than to the
+/// nominal one's: beyond half of ln 9.81 ...
+const IMPLAUSIBLE_RATIO: f64 = 1.1417;
+/// ... and beyond so many standard deviations of what is known of it before; so is the mean of those of all, by its own.
+const FAR: f64 = 3.29;
 /// So many times rotation and compliances are found in turn ...
 const TURNS: usize = 20;
 /// ... from so many right-angled frames.
@@ -114,20 +116,37 @@ pub fn suspected_input_errors(
     let is_off = |found: &Identification| {
         let inconsistent = (found.consistency)
             .is_some_and(|probability| !(IMPLAUSIBLE..=1.0 - IMPLAUSIBLE).contains(&probability));
-        let is_implausible = found.parameters.iter().any(|parameter| {
-            let nominal = case.belief.nominal.compliance_rad_per_nm[parameter.joint];
-            parameter.estimate.is_some_and(|estimate| {
-                let ratio = estimate.value / nominal;
-                nominal > 0.0 && !(IMPLAUSIBLE_RATIO.recip()..=IMPLAUSIBLE_RATIO).contains(&ratio)
-            })
-        });
-        inconsistent || is_implausible
+        inconsistent || is_implausible(case, found)
     };
     if identification.is_none_or(is_off) {
         likely_input_errors(case)
     } else {
         Vec::new()
     }
+}
+
+/// Whether compliances are others than nominal ones may be, one of them or all together.
+fn is_implausible(case: &Case<'_>, found: &Identification) -> bool {
+    let known = &case.belief.uncertain.set().prior().ratios;
+    let (mut sum, mut count) = (0.0_f64, 0.0_f64);
+    for (place, parameter) in found.parameters.iter().enumerate() {
+        let nominal = case.belief.nominal.compliance_rad_per_nm[parameter.joint];
+        let Some(estimate) = parameter.estimate.filter(|_| nominal > 0.0) else {
+            continue;
+        };
+        let off = (estimate.value / nominal).ln();
+        let deviation = known.iter().find(|(own, _)| *own == place);
+        let deviation = deviation.map_or(0.0, |(_, deviation)| *deviation);
+        let most = (FAR * deviation).max(IMPLAUSIBLE_RATIO);
+        if !(-most..=most).contains(&off) {
+            return true;
+        }
+        if deviation > 0.0 {
+            sum += off / deviation;
+            count += 1.0;
+        }
+    }
+    sum.abs() > FAR * count.sqrt()
 }
 
 /// The input errors that explain the measurements decisively better than reading them as they are, one

@@ -253,10 +253,8 @@ fn about_compliances(task: &Task, extended: &Extended) -> Option<Task> {
                 .scale_mut(nominal[joint].recip());
         }
     }
-    let prior = (precision.amax() > 0.0).then(|| Prior {
-        mean: DVector::from_iterator(joints.len(), joints.iter().map(|&joint| nominal[joint])),
-        precision,
-    });
+    let mean = DVector::from_iterator(joints.len(), joints.iter().map(|&joint| nominal[joint]));
+    let prior = (precision.amax() > 0.0).then(|| Prior::new(mean, precision));
     let mut certain = task.clone();
     certain.belief = task.belief.of_compliances(joints, prior).ok()?;
     // In plans that hang one load in each configuration repeats then tell no less.

@@ -148,10 +148,10 @@ pub(super) fn sampled_about_earlier(
     let earlier_others = (others.iter())
         .map(|&place| extended.set().prior().mean[place] - parameters[place].nominal);
     let mean = prior.mean.iter().copied().chain(earlier_others);
-    let both = Prior {
-        mean: DVector::from_iterator(all.len(), mean),
-        precision: (belief.precision().select_rows(&all)).select_columns(&all),
-    };
+    let both = Prior::new(
+        DVector::from_iterator(all.len(), mean),
+        (belief.precision().select_rows(&all)).select_columns(&all),
+    );
     let sizes = belief.sizes();
     let sizes: Vec<f64> = all.iter().map(|&place| sizes[place]).collect();
     let first = if tells_compliances { count } else { 0 };

@@ -29,7 +29,7 @@ use super::{AbsoluteCase, DiscrepancyModel};
 use crate::numeric::factorisation::inverse_of;
 use crate::numeric::markov::{Kernel, KnotBlocks, MarkovProcess, knots_among};
 use crate::numeric::posterior::Posterior;
-use crate::parameter::{ParameterKind, ParameterSet, relative_precision};
+use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::Approach;
 pub(super) use components::in_blocks;
 pub use known::{ComponentIntervals, VarianceComponents};
@@ -147,23 +147,22 @@ impl MixedModel {
         joints: Vec<usize>,
         (set, posterior): (&ParameterSet, &Posterior),
         discrepancy: [f64; 2],
-    ) -> Self {
-        let off = DVector::from_column_slice(&posterior.mean) - &set.prior().mean;
-        let precision = relative_precision(set);
-        let pull = &precision * &off.component_div(&set.scales());
+    ) -> Option<Self> {
+        let values = DVector::from_column_slice(&posterior.mean);
+        let known = set.prior().at(&values, set.scales().as_slice())?;
         let basis = posterior.estimable.basis();
-        let prior = basis.tr_mul(&precision) * basis;
+        let prior = basis.tr_mul(&known.precision) * basis;
         let mut model = Self {
             visits: Vec::new(),
             pulls: prior.clone(),
             prior,
-            priors: known_alone(set)
+            priors: known_alone(set, &posterior.mean)
                 .map(|(kind, place, _)| {
-                    let root = precision[(place, place)].sqrt();
+                    let root = known.precision[(place, place)].sqrt();
                     (kind, basis.row(place) * root)
                 })
                 .collect(),
-            pull: -basis.tr_mul(&pull),
+            pull: -basis.tr_mul(&known.pull),
             turn_about: (joints.iter())
                 .map(|&joint| case.arm.chain.joints[joint].turn_about())
                 .collect(),
@@ -175,7 +174,7 @@ impl MixedModel {
             waving: Vec::new(),
         };
         model.visits = shared(by_pose(&model.visits_of(case, rows)));
-        model
+        Some(model)
     }
 
     /// Visits of readings at what was fitted, perhaps to others.
@@ -555,12 +554,15 @@ fn shared(visits: Vec<PoseReadings>) -> Vec<Arc<PoseReadings>> {
     visits.into_iter().map(Arc::new).collect()
 }
 
-/// The robot's own parameters that are known before, apart from all others: places and precisions.
-pub(super) fn known_alone(set: &ParameterSet) -> impl Iterator<Item = (ParameterKind, usize, f64)> {
+/// The robot's own parameters that are known before, apart from all others: places and precisions where they have these values (p).
+pub(super) fn known_alone(
+    set: &ParameterSet,
+    values: &[f64],
+) -> impl Iterator<Item = (ParameterKind, usize, f64)> {
     let precision = &set.prior().precision;
     let all = set.parameters().iter().enumerate();
     all.filter_map(|(place, each)| {
-        let own = precision[(place, place)];
+        let own = set.prior().own_at(place, values[place]);
         let column = precision.column(place);
         let is_alone = column.iter().filter(|each| **each != 0.0).count() == 1;
         (!each.kind.is_mounted() && is_alone && own > 0.0).then_some((each.kind, place, own))

@@ -199,7 +199,10 @@ impl AbsoluteCase<'_> {
             let plain = without[place].as_ref().ok()?;
             let fit = &fits[place];
             // Where the readings' own errors explain what the model leaves there are no others.
-            (self.fit_without(&rejected, &fit.set, None).ok()?).discrepancy?;
+            let by_known = self.by_known_errors(&rejected, &fit.set, None).ok()?;
+            if by_known.is_explained() || weights == ReadingWeights::Own {
+                return None;
+            }
             let mut model = with_joint_errors((&blocks, &judged), fit, (chosen, plain))?;
             found.compare_joint_errors(chosen, &mut model);
             Some(model)

@@ -6,7 +6,7 @@
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use super::super::error::{FitResult, IdentificationError};
+use super::super::error::{FitResult, IdentificationError, OFF_PRIOR};
 use super::gauss_newton::{CONVERGED, FitPlace, FitProblem, NEARLY_LINEAR, gauss_newton};
 use crate::numeric::factorisation::symmetric;
 use crate::numeric::posterior::Posterior;
@@ -14,7 +14,7 @@ use crate::observation::{
     LinearObservations, NormalEquations, Observation, SharedErrors, normal_equations,
     planned_information,
 };
-use crate::parameter::{ElasticArm, Freedoms, ParameterSet, relative_precision};
+use crate::parameter::{ElasticArm, Freedoms, ParameterSet, PriorAt};
 
 /// After so many steps of fits that begin near the curvature is learnt.
 const NEAR: usize = 2;
@@ -129,7 +129,6 @@ impl FittedReadings<'_> {
         }
         let mut problem = ReadingProblem {
             readings: *self,
-            prior: relative_precision(self.set),
             basis: estimable.basis(),
             haste,
         };
@@ -142,7 +141,8 @@ impl FittedReadings<'_> {
         let units = estimable.basis_in_units();
         let (values, (equations, factor)) = (found.values, found.kept);
         let inverse = factor.inverse();
-        let known_before = estimable.basis().tr_mul(&problem.prior) * estimable.basis();
+        let prior = problem.prior_at(&values)?.precision;
+        let known_before = estimable.basis().tr_mul(&prior) * estimable.basis();
         let determined = estimable.rank() as f64 - known_before.dot(&inverse);
         let covariance = symmetric(&(&units * inverse * units.transpose()));
         let names = self.set.parameters().iter().map(|each| each.name.clone());
@@ -240,30 +240,35 @@ type ReadingPlace = FitPlace<(NormalEquations, Cholesky<f64, Dyn>)>;
 /// Readings whose parameters change along some directions alone.
 pub struct ReadingProblem<'a> {
     pub readings: FittedReadings<'a>,
-    /// The prior's precision (p x p), and the directions (p x r), in typical sizes.
-    pub prior: DMatrix<f64>,
+    /// The directions (p x r), in typical sizes.
     pub basis: &'a DMatrix<f64>,
     pub haste: Haste,
 }
 
 impl ReadingProblem<'_> {
+    /// What is known before, at values (p).
+    fn prior_at(&self, values: &DVector<f64>) -> FitResult<PriorAt> {
+        let set = self.readings.set;
+        let known = set.prior().at(values, set.scales().as_slice());
+        known.ok_or(OFF_PRIOR)
+    }
+
     /// The problem at values (p) by what the readings say there.
     pub fn solved(
         &self,
         values: DVector<f64>,
         equations: NormalEquations,
     ) -> FitResult<ReadingPlace> {
-        let set = self.readings.set;
-        let off = (&values - &set.prior().mean).component_div(&set.scales());
-        let pull = &self.prior * &off;
-        let information = self.basis.tr_mul(&(&equations.information + &self.prior)) * self.basis;
-        let gradient = self.basis.tr_mul(&(&equations.gradient - &pull));
+        let known = self.prior_at(&values)?;
+        let information = &equations.information + &known.precision;
+        let information = self.basis.tr_mul(&information) * self.basis;
+        let gradient = self.basis.tr_mul(&(&equations.gradient - &known.pull));
         let step = f64::INFINITY;
         let factor =
             Cholesky::new(information.clone()).ok_or(IdentificationError::NotConverged { step })?;
         Ok(FitPlace {
             values,
-            square: equations.square + off.dot(&pull),
+            square: equations.square + known.square,
             step: factor.solve(&gradient),
             information,
             gradient,
@@ -281,14 +286,17 @@ impl FitProblem for ReadingProblem<'_> {
         self.solved(values, equations)
     }
 
-    fn change(&self, step: &DVector<f64>) -> DVector<f64> {
-        let mut change = (self.basis * step).component_mul(&self.readings.set.scales());
-        let parameters = self.readings.set.parameters().iter();
-        let share = (parameters.zip(&change))
-            .map(|(parameter, change)| change.abs() / parameter.longest_step())
+    fn change(&self, values: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
+        let (set, prior) = (self.readings.set, self.readings.set.prior());
+        let mut change = (self.basis * step).component_mul(&set.scales());
+        let is_ratio = |place: usize| prior.ratios.iter().any(|(own, _)| *own == place);
+        let parameters = set.parameters().iter().zip(&change).enumerate();
+        let share = parameters
+            .filter(|(place, _)| !is_ratio(*place))
+            .map(|(_, (parameter, change))| change.abs() / parameter.longest_step())
             .fold(1.0, f64::max);
         change /= share;
-        change
+        prior.step_from(values, change)
     }
 
     fn coordinates(&self, change: &DVector<f64>) -> DVector<f64> {
