@@ -165,7 +165,7 @@ impl Budget {
             counted(plannings[0].candidates.len() as u64, "candidate")
         );
         let found = search(common, &says, |watch| {
-            wanted.of_sizes(plannings, 1..=self.up_to, None, seed, watch)
+            wanted.of_sizes(plannings, (1..=self.up_to, None), None, seed, watch)
         });
         let (planning, found) = found.map_err(wrong)?;
         let found = planning.budget(found);

@@ -97,7 +97,8 @@ impl Next {
         let measured = so_far.measurements();
         let impossible = self.impossible(given.as_ref(), &so_far)?;
         let within_rad = self.skip_within_deg.to_radians();
-        let left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
+        let mut left = Remaining::new(task, identification, &measurements, &impossible, within_rad);
+        left.planned = given.as_ref().map(|plan| self.not_done(plan, &so_far));
         let reached_m = rho0_m(&left.task, &identification.posterior);
         let total = (self.experiments)
             .or_else(|| given.as_ref().map(Plan::measurements))
@@ -141,8 +142,10 @@ impl Next {
         let empty = Plan::default();
         let next = found.as_ref().map_or(&empty, |found| &found.plan);
         // Where nothing is planned there is no other rest to set it beside.
-        let given = given.as_ref().filter(|_| found.is_some());
-        let old_m = given.and_then(|plan| self.old(&left, plan, &so_far, next));
+        let old = left.planned.as_ref().filter(|_| found.is_some());
+        // As much work as the new rest.
+        let old = old.filter(|old| old.measurements() == next.measurements());
+        let old_m = old.and_then(|old| left.rho0_m(old));
         if let Some(found) = &found {
             text += &tell(found, old_m);
             let all = measured + found.plan.measurements();
@@ -172,9 +175,12 @@ impl Next {
         let measured = read_measured_so_far(&self.measurements, task)?;
         let again = refuse_prior(scenario, &self.measurements, &measured)?;
         let taken = measured.absolute(&self.measurements, why)?;
-        AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
+        let case = AbsoluteCase::placed(&task.belief, &taken).map_err(|error| {
             FileError::new(&self.measurements, error.to_string()).code(ErrorCode::Measurements)
         })?;
+        let visited = u32::try_from(case.different()).unwrap_or(u32::MAX);
+        let configurations = task.design.configurations;
+        let configurations = configurations.map(|most| most.saturating_sub(visited).max(1));
         let measured = u32::try_from(taken.len()).unwrap_or(u32::MAX);
         let (candidates, seed) = (self.readings.candidates(scenario)?, scenario.seed);
         let wanted = ReadingsWanted {
@@ -219,7 +225,7 @@ impl Next {
             (plannings.swap_remove(place), None)
         } else {
             let found = search(&self.common, PLANNING, |watch| {
-                wanted.of_sizes(plannings, counts, wanted_m, seed, watch)
+                wanted.of_sizes(plannings, (counts, configurations), wanted_m, seed, watch)
             });
             let (planning, mut found) = found.map_err(wrong)?;
             (planning, found.pop())
@@ -277,14 +283,12 @@ impl Next {
         Ok((self.common).report("next", scenario, report)?)
     }
 
-    /// The accuracy that what is left of a plan would give (m), where it is as much work as the new rest.
-    fn old(&self, left: &Remaining, plan: &Plan, measured: &Plan, next: &Plan) -> Option<f64> {
+    /// What is left of a plan.
+    fn not_done(&self, plan: &Plan, measured: &Plan) -> Plan {
         let is_kept = |(index, _): &(usize, &Experiment)| !self.skip.contains(&(index + 1));
         let kept = plan.experiments.iter().enumerate().filter(is_kept);
         let experiments = kept.map(|(_, each)| each.clone()).collect();
-        let old = not_measured(&Plan { experiments }, measured);
-        let is_as_large = old.measurements() == next.measurements();
-        left.rho0_m(&old).filter(|_| is_as_large)
+        not_measured(&Plan { experiments }, measured)
     }
 
     /// That the goal is not reached, where it is not.

@@ -131,7 +131,7 @@ fn of_absolute(scenario: &Scenario, robot: &StoredRobot, file: &Path) -> anyhow:
     let readings = read_measured(file, of)?.absolute(file, why)?;
     let validation = validate_absolute(belief, &robot, file, &readings)?;
     conditions.extend(validation.conditions());
-    let left = validation.left.iter().map(|each| each.position_m);
+    let left = (validation.with_joint_errors.iter()).map(|each| each.position_m);
     let differences = left.zip(validation.readings_m2.iter().copied()).collect();
     let text = describe_readings(&validation, &residual_name(&belief.instrument));
     Ok(Validated {

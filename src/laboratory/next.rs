@@ -8,8 +8,11 @@ use crate::experiment::{Experiment, PRINTED_RAD, Plan, is_one_direction, is_prin
 use crate::identification::{Case, Identification};
 use crate::measurement::{Measurement, by_experiment};
 use crate::plan::search::{Bound, PlanSearch, PlanSize, Problem, SearchError, Watch};
-use crate::plan::{Criterion, posterior, rho0_m};
+use crate::plan::{Criterion, Feasibility, posterior, rho0_m};
 use crate::task::{Belief, Forbidden, Method, Task};
+
+/// Another measurement again is worth an exchange where the prediction becomes less than this share of what it is.
+const BETTER: f64 = 1.0 - 1e-6;
 
 /// The plan that measurements have carried out: experiments in the order of their first measurement.
 pub fn measured_plan(measurements: &[Measurement]) -> Plan {
@@ -61,9 +64,13 @@ pub struct Remaining {
     pub task: Task,
     /// The number of measurements that are made.
     pub measured: u32,
-    /// The robot without what the measurements tell, and what they carried out, where deflections of one configuration share errors:
-    /// more readings there are then worth less.
-    pub together: Option<(Belief, Plan)>,
+    /// What they carried out.
+    pub carried_out: Plan,
+    /// The robot without what the measurements tell, where deflections of one configuration share errors: more readings there are then
+    /// worth less.
+    pub untold: Option<Belief>,
+    /// What is left of the plan that was followed, if it is known.
+    pub planned: Option<Plan>,
 }
 
 impl Remaining {
@@ -92,7 +99,7 @@ impl Remaining {
         left.design.mandatory = not_measured(&task.design.mandatory, &carried_out);
         let has_own_sigma = measurements.iter().any(|each| each.sigma_m.is_some());
         let is_shared = identified.uncertain.is_shared_by_repeats();
-        let together = (is_shared && !has_own_sigma).then(|| (identified.clone(), carried_out));
+        let untold = (is_shared && !has_own_sigma).then(|| identified.clone());
         let impossible: Vec<Forbidden> = (impossible.iter())
             .map(|configuration_rad| Forbidden {
                 configuration_rad: configuration_rad.clone(),
@@ -113,19 +120,85 @@ impl Remaining {
         Self {
             task: left,
             measured: u32::try_from(measurements.len()).unwrap_or(u32::MAX),
-            together,
+            carried_out,
+            untold,
+            planned: None,
         }
     }
 
     /// The accuracy that more measurements predict together with those that are made (m).
     pub fn rho0_m(&self, more: &Plan) -> Option<f64> {
-        let Some((belief, measured)) = &self.together else {
+        let Some(belief) = &self.untold else {
             return rho0_m(&self.task, &posterior(&self.task.belief, more));
         };
-        let mut all = measured.clone();
+        let mut all = self.carried_out.clone();
         all.experiments.extend_from_slice(&more.experiments);
         all.put_repeats_together();
         rho0_m(&self.task, &posterior(belief, &all))
+    }
+}
+
+impl Remaining {
+    /// Whether a rest keeps to the task, with the configurations that are measured.
+    fn allows(&self, rest: &Plan) -> bool {
+        let is_measured = |each: &&Experiment| {
+            (self.carried_out.experiments.iter()).any(|known| {
+                (&known.configuration_rad - &each.configuration_rad).amax() <= PRINTED_RAD
+            })
+        };
+        let new: Vec<&Experiment> = rest
+            .experiments
+            .iter()
+            .filter(|each| !is_measured(each))
+            .collect();
+        let configurations = (new.iter().enumerate()).filter(|(place, each)| {
+            !new[..*place]
+                .iter()
+                .any(|known| known.configuration_rad == each.configuration_rad)
+        });
+        let most = self
+            .task
+            .design
+            .configurations
+            .map_or(usize::MAX, |most| most as usize);
+        let has_mandatory = not_measured(&self.task.design.mandatory, rest)
+            .experiments
+            .is_empty();
+        let violations = Feasibility::new(&self.task).violations(rest);
+        let are_possible = violations.iter().all(|each| each.experiment.is_none());
+        configurations.count() <= most && has_mandatory && are_possible
+    }
+
+    /// A rest with its prediction (m), in which what is measured is measured again in place of single measurements, as long as that is
+    /// better: it takes no configuration more.
+    fn repeating(&self, (mut rho0_m, mut rest): (f64, Plan)) -> (f64, Plan) {
+        loop {
+            let mut better: Option<(f64, Plan)> = None;
+            for place in 0..rest.experiments.len() {
+                for again in &self.carried_out.experiments {
+                    let mut other = rest.clone();
+                    other.experiments.push(Experiment {
+                        repeats: 1,
+                        ..again.clone()
+                    });
+                    match &mut other.experiments[place].repeats {
+                        1 => drop(other.experiments.remove(place)),
+                        more => *more -= 1,
+                    }
+                    other.put_repeats_together();
+                    let found = self.rho0_m(&other).unwrap_or(f64::INFINITY);
+                    if found < better.as_ref().map_or(rho0_m * BETTER, |best| best.0)
+                        && self.allows(&other)
+                    {
+                        better = Some((found, other));
+                    }
+                }
+            }
+            let Some(found) = better else {
+                return (rho0_m, rest);
+            };
+            (rho0_m, rest) = found;
+        }
     }
 }
 
@@ -181,9 +254,21 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
     let design = search.best(PlanSize::wanted_by(&task), watch, &[])?;
     // The search leaves out what is uncertain and makes next to nothing; a prediction never does.
     let prediction = left.rho0_m(&design.plan);
+    let mut best = (prediction.unwrap_or(design.cost.sqrt()), design.plan);
+    let old = (left.planned.clone()).filter(|old| old.measurements() == count);
+    let old = old.filter(|old| left.allows(old));
+    if let Some((old, rho0_m)) = old.and_then(|old| Some((left.rho0_m(&old)?, old)))
+        && old < best.0
+    {
+        best = (old, rho0_m);
+    }
+    if task.design.configurations.is_some() {
+        best = left.repeating(best);
+    }
+    let (rho0_m, plan) = best;
     Ok(Rest {
-        rho0_m: prediction.unwrap_or(design.cost.sqrt()),
+        rho0_m,
         bound_m: bound.of_size(count).ok().map(|bound| bound.best),
-        plan: design.plan,
+        plan,
     })
 }

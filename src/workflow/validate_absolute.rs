@@ -96,7 +96,7 @@ impl AbsoluteValidation {
             (self.before.as_ref()).filter(|all| !has_moved && all.len() >= LEAST_JUDGED)?;
         let rms_mm =
             |all: &[ReadingResidual]| Some(DistanceStatistics::of_positions(all)?.rms * 1e3);
-        let (identified_mm, nominal_mm) = (rms_mm(&self.left)?, rms_mm(before)?);
+        let (identified_mm, nominal_mm) = (rms_mm(&self.with_joint_errors)?, rms_mm(before)?);
         (identified_mm > WORSE * nominal_mm).then(|| {
             let words = format!(
                 "the identified robot is {identified_mm:.3} mm (rms) from the readings, the nominal one in its best frames {nominal_mm:.3} mm"

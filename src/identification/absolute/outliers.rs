@@ -76,7 +76,7 @@ impl AbsoluteCase<'_> {
     /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with
     /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either. None of few readings.
     pub(super) fn robust_fit(&self, first: &ParameterFit) -> Option<ParameterFit> {
-        if is_pulled(first) {
+        if self.is_pulled(first) {
             return None;
         }
         let (mut case, mut fit) = (self.clone(), first.clone());
@@ -149,7 +149,9 @@ impl AbsoluteCase<'_> {
         }
         let discrepancy = discrepancy_covariance(found.discrepancy.unwrap_or_default());
         let mut known = vec![Matrix6::zeros(); here.covariances.len()];
-        let is_pulled = is_pulled(fit);
+        let is_pulled = self.is_pulled(fit);
+        let independent = self.independent_rows(fit);
+        let spare = (independent - fit.determined).max(1.0) / independent;
         if is_pulled {
             let rows = here.rows_at(&here.arm, &fit.set, values.as_slice(), &[]);
             let rows = rows.ok()?;
@@ -167,10 +169,10 @@ impl AbsoluteCase<'_> {
             known,
             rejected: found.rejected.clone(),
             angles: angles.collect(),
-            spare: fit.spare(),
+            spare,
             // Of readings enough for a fit with frames their number makes next to no difference.
             freedom: if is_pulled {
-                fit.degrees_of_freedom()
+                spare * independent
             } else {
                 f64::INFINITY
             },
@@ -178,9 +180,14 @@ impl AbsoluteCase<'_> {
             plausible: None,
         })
     }
-}
 
-/// Whether a single reading can draw a fit to itself.
-fn is_pulled(fit: &ParameterFit) -> bool {
-    1.0 - fit.spare() >= LITTLE
+    /// How many of a fit's scalar readings err independently: those at one command pose err alike by what no parameter explains.
+    fn independent_rows(&self, fit: &ParameterFit) -> f64 {
+        fit.rows as f64 * self.different() as f64 / self.observations.len() as f64
+    }
+
+    /// Whether what is read at a single command pose can draw a fit to itself.
+    fn is_pulled(&self, fit: &ParameterFit) -> bool {
+        fit.determined >= LITTLE * self.independent_rows(fit)
+    }
 }

@@ -11,8 +11,8 @@ use crate::plan::{Plan, UncertaintyBudget};
 use crate::quantities::limits::MOST_EXPERIMENTS;
 
 impl ReadingsWanted<'_> {
-    /// The best plans that are found of so many readings each, those first that are enough for the tool's place, and until one gives an
-    /// accuracy (m). What may be read has the readings of all of them then. When it is stopped, the numbers that it has not come to are
+    /// The best plans that are found of so many readings each in at most so many configurations, those first that are enough for the tool's
+    /// place, and until one gives an accuracy (m). What may be read has the readings of all of them then. When it is stopped, the numbers that it has not come to are
     /// left out.
     ///
     /// # Errors
@@ -20,13 +20,14 @@ impl ReadingsWanted<'_> {
     pub fn of_sizes<'t>(
         &self,
         plannings: Vec<AbsolutePlanning<'t>>,
-        counts: RangeInclusive<u32>,
+        (counts, configurations): (RangeInclusive<u32>, Option<u32>),
         wanted_m: Option<f64>,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(AbsolutePlanning<'t>, Vec<AbsolutePlan>), CandidateError> {
         Self::best_of(plannings, watch, |planning, here| {
-            self.of_sizes_among(planning, counts.clone(), wanted_m, seed, here)
+            let sizes = (counts.clone()).map(|readings| PlanSize::new(readings, configurations));
+            self.of_sizes_among(planning, sizes.collect(), wanted_m, seed, here)
         })
     }
 
@@ -34,20 +35,20 @@ impl ReadingsWanted<'_> {
     fn of_sizes_among(
         &self,
         planning: &mut AbsolutePlanning<'_>,
-        counts: RangeInclusive<u32>,
+        sizes: Vec<PlanSize>,
         wanted_m: Option<f64>,
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<Vec<AbsolutePlan>, CandidateError> {
         let mut found: Vec<PlanOfRows> = Vec::new();
         let mut problem = None;
-        let numbers = counts.clone().count();
-        for (number, readings) in counts.enumerate() {
+        let numbers = sizes.len();
+        for (number, size) in sizes.into_iter().enumerate() {
             if watch.stop.load(Ordering::Relaxed) && !found.is_empty() {
                 break;
             }
             let known = found.last().and_then(|last| once_more(last.rows.clone()));
-            let (known, size) = (known.unwrap_or_default(), PlanSize::all_different(readings));
+            let known = known.unwrap_or_default();
             let searched = watch.part(number, numbers, |here| {
                 // Each goes on from the last.
                 self.design_from(planning, (&known, 1), size, seed, here)
