@@ -14,7 +14,7 @@ use elastocal::plan::search::{
 use elastocal::plan::{Criterion, Plan, read_plan};
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
-use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
+use elastocal::study::{Conditions, Entry, Level, Setting, TakenPlan, repeated};
 use elastocal::task::{AccuracyKind, Method};
 use elastocal::testbed::{VirtualRobot, add_noise_of};
 use elastocal::view::mcap_file::write_mcap;
@@ -242,7 +242,8 @@ fn study(scenario: &'static Scenario, level: Level, experiments: u32, on_threads
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,
-        kind: EntryKind::Fixed(plan),
+        plan: Some(TakenPlan::Deflections(plan)),
+        is_random: false,
     }]));
     let conditions = Conditions::plain(&scenario.task, experiments);
     let setting = Setting::new(&scenario.task, &scenario.truth, conditions);

@@ -12,6 +12,7 @@ use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use crate::record::messages::plan_messages;
 use crate::task::Task;
+use crate::view::stills::Stills;
 use crate::workflow::design::{Designed, Wanted, design as design_of, design_among};
 
 use super::command_prelude::*;
@@ -184,10 +185,10 @@ impl PlanCommand {
         let mut report = args.report("plan", &scenario, &planned, besides)?;
         report.text = tell(&timed) + &report.text;
         if let Some(path) = &self.plan_out {
-            report.noted(path, planned.write(&scenario.task, path));
+            report.noted(path, planned.plan.write(&scenario.task, path));
         }
         if let Some(path) = &self.stills_out {
-            report.save(path, &planned.stills(&scenario).sheet()?);
+            report.save(path, &Stills::of_taken(&scenario, &planned.plan).sheet()?);
         }
         args.finish(
             &scenario,
@@ -305,7 +306,7 @@ impl PlanCommand {
             report.text += &rests_on(certificate, &assessment);
         }
         report.text += &told(&designed, candidates.is_none());
-        let planned = PlannedAccuracy::Deflections(designed.exact.plan, Box::new(assessment));
+        let planned = PlannedAccuracy::of_deflections(scenario, designed.exact.plan, &assessment);
         Ok((planned, report))
     }
 

@@ -48,7 +48,8 @@ impl Replay {
             entries.len()
         ));
         let plan = |entry: &Entry<'_>| {
-            carried_out(&scenario, &settings[0], &entry.name, &entry.kind, self.run)
+            let plan = entry.plan.as_ref();
+            carried_out(&scenario, &settings[0], &entry.name, plan, self.run)
         };
         let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
         let of_setting = Scenario {

@@ -10,6 +10,7 @@ use crate::text::wording::shell_path;
 use crate::view::markup::PageError;
 use crate::view::recording::{CarriedOutPlan, Recording};
 use crate::view::report::{PlanPage, absolute_page, cards, of_readings, of_run, run_page};
+use crate::view::stills::Stills;
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
@@ -77,7 +78,7 @@ impl Run {
             AccuracyKind::Relative => self.deflections(&scenario)?,
         };
         let mut report = looped.report;
-        let stills = looped.planned.stills(&scenario);
+        let stills = Stills::of_taken(&scenario, &looped.planned.plan);
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
@@ -89,7 +90,7 @@ impl Run {
             parameters: &self.readings.parameters,
         })?;
         let written = &mut report.written;
-        written.note(&plan, looped.planned.write(&scenario.task, &plan));
+        written.note(&plan, looped.planned.plan.write(&scenario.task, &plan));
         let origin = scenario
             .origin()
             .simulated(SimulatedRun::first(scenario.seed, Some(RUN)));
@@ -108,7 +109,8 @@ impl Run {
             let provenance = common.provenance(&scenario)?;
             self.proof.tell(bound, &provenance, &mut report)?;
         }
-        self.budget.write(looped.planned.budget(), &mut report);
+        let budget = looped.planned.budget.as_ref();
+        self.budget.write(budget, &mut report);
         common.say(&format!(
             "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
             shell_path(&scenario.path),
@@ -134,8 +136,8 @@ impl Run {
         proceed()?;
         let main = &outcome.tried[0];
         let made = &main.calibration;
-        let (assessment, plan) = (Box::new(main.assessment.clone()), made.plan.clone());
-        let planned = PlannedAccuracy::Deflections(plan, assessment);
+        let planned =
+            PlannedAccuracy::of_deflections(scenario, made.plan.clone(), &main.assessment);
         let truth = &scenario.truth;
         let shown = outcome.tried.iter().map(|each| {
             let (name, made) = (&each.record.name, &each.calibration);
@@ -180,15 +182,15 @@ impl Run {
         let groups = &*self.readings.parameters;
         let beside = (found.bound.as_ref(), wanted.drawn(seed));
         let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
-        let PlannedAccuracy::Readings(_, _, plan) = &planned else {
+        let Some(plan) = planned.record.clone() else {
             anyhow::bail!("a plan of absolute readings has a record of its own");
         };
-        let mut conditions = planned.conditions(scenario);
+        let mut conditions = planned.conditions.clone();
         conditions.extend(outcome.conditions(scenario));
         let found = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
-        let told = told_of_readings(plan, &outcome)?;
+        let told = told_of_readings(&plan, &outcome)?;
         let text = absolute::describe(&found, &task.belief) + &told;
-        let json = outcome.json(scenario, &provenance, plan, groups)?;
+        let json = outcome.json(scenario, &provenance, &plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &outcome.readings),
             shown: vec![CarriedOutPlan {
@@ -197,10 +199,7 @@ impl Run {
             }],
             bound: None,
             report: Report::new(json, text, conditions),
-            page: {
-                let plan = plan.clone();
-                Box::new(move |page| absolute_page(page, &plan, None, Some(&outcome)))
-            },
+            page: Box::new(move |page| absolute_page(page, &plan, None, Some(&outcome))),
             planned,
         })
     }

@@ -13,7 +13,7 @@ use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
 use crate::study::model_level::LinearModel;
 use crate::study::runner::Runner;
-use crate::study::{Conditions, Entry, EntryKind, Level, Setting, StudyError};
+use crate::study::{Conditions, Entry, Level, Setting, StudyError, TakenPlan};
 use crate::task::{AccuracyKind, Task};
 
 /// The number of runs.
@@ -45,9 +45,9 @@ pub fn gather(
     // The linear model makes runs only of plans that determine what the test poses need.
     let model = LinearModel::new(task, &scenario.truth);
     let determined = plans.iter().filter(|(_, plan)| model.plan(plan).is_ok());
-    let fixed = determined.map(|(name, plan)| (name.clone(), EntryKind::Fixed(plan.clone())));
-    let random = ("random".to_owned(), EntryKind::RandomEach);
-    let kinds = fixed.chain([random]).collect();
+    let fixed = determined.map(|(name, plan)| (name.clone(), Some(plan.clone())));
+    let random = ("random".to_owned(), None);
+    let plans = fixed.chain([random]).collect();
     // Every number that is shown has the bound that is its own.
     let own = designed.measurements();
     let largest = (own * WIDEST).max(ALWAYS);
@@ -62,7 +62,7 @@ pub fn gather(
         bound_searches: searches,
         bound_searches_agreeing: agreeing,
         trials: TRIALS,
-        study: distances(scenario, own, kinds, TRIALS, None)?,
+        study: distances(scenario, own, plans, TRIALS, None)?,
         criteria_compared: (compare_criteria(task, approximate, designed, seed, watch).iter())
             .map(|best| criterion_plan_json(&commands, best))
             .collect(),
@@ -76,25 +76,27 @@ pub fn gather(
     })
 }
 
-/// So many runs of plans of so many measurements, by the linear model, unless the flag is set meanwhile.
+/// So many runs of plans of so many measurements, by the linear model, unless the flag is set meanwhile; where there is no plan, every run
+/// has a random one.
 ///
 /// # Errors
 /// The study cannot be made, or was stopped.
 pub fn distances(
     scenario: &Scenario,
     experiments: u32,
-    kinds: Vec<(String, EntryKind<'_>)>,
+    plans: Vec<(String, Option<Plan>)>,
     trials: u64,
     stop: Option<&AtomicBool>,
 ) -> Result<Vec<StudyPlanMessage>, StudyError> {
     let conditions = Conditions::plain(&scenario.task, experiments);
     let setting = [Setting::new(&scenario.task, &scenario.truth, conditions)];
-    let entry = |(name, kind)| Entry {
+    let entry = |(name, plan): (_, Option<Plan>)| Entry {
         name,
         setting: 0,
-        kind,
+        is_random: plan.is_none(),
+        plan: plan.map(TakenPlan::Deflections),
     };
-    let entries: Vec<Entry<'_>> = kinds.into_iter().map(entry).collect();
+    let entries: Vec<Entry<'_>> = plans.into_iter().map(entry).collect();
     let mut runner = Runner::new(&setting, scenario.seed, Level::Model, &entries)?;
     if let Some(stop) = stop {
         runner = runner.stopped_by(stop);

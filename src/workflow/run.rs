@@ -41,7 +41,7 @@ use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
 use crate::study::absolute::ReadingRuns;
 use crate::study::carried_out::CarriedOut;
-use crate::study::{Conditions, Setting, StudiedReadings};
+use crate::study::{Conditions, Setting, TakenReadings};
 use crate::task::{Task, TestPose};
 use crate::testbed::TrueRobots;
 use crate::understanding::implausible;
@@ -313,11 +313,10 @@ pub fn run_absolute<'a>(
     stage(&RunStage::Calibrating);
     let rows = planning.rows(&found.plan);
     let read = AbsolutePlanning::of_plan(task, groups, &rows).map_err(no_plan)?;
-    let studied = StudiedReadings {
+    let studied = TakenReadings {
         plan: read.whole(),
         planning: read,
         groups,
-        is_random: false,
     };
     let conditions = Conditions::plain(task, size.measurements);
     let setting = Setting::new(task, &scenario.truth, conditions);
@@ -404,7 +403,7 @@ pub fn replay_readings(
     scenario: &Scenario,
     setting: &Setting<'_>,
     name: &str,
-    studied: &StudiedReadings<'_>,
+    studied: &TakenReadings<'_>,
     seed: u64,
     number: u64,
 ) -> anyhow::Result<(RunMessage, CarriedOut)> {
