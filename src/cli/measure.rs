@@ -5,11 +5,11 @@ use std::fmt::Display;
 use crate::calibration::{MeasuredRun, measure};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning};
-use crate::record::messages::{MeasurementMessage, TruthMessage};
+use crate::record::messages::MeasurementMessage;
 use crate::robot::ReadsAlong;
 use crate::study::{TakenPlan, virtual_readings::virtual_readings};
 use crate::task::{Belief, Task};
-use crate::testbed::{TrueRobots, VirtualRobot};
+use crate::testbed::{RunTruth, TrueRobots, VirtualRobot};
 use crate::workflow::ranges::{beyond_gauge, beyond_stations};
 
 use super::command_prelude::*;
@@ -99,8 +99,7 @@ impl Measure {
                 !self.noise_free,
             )
             .map_err(|error| self.wrong(&error))?;
-            let joints = task.belief.parameters.iter().copied();
-            (measurements, Some(TruthMessage::new(joints, &truth)))
+            (measurements, Some(truth))
         };
         let reads_along = task.belief.instrument.reads_along();
         let is_along = reads_along == ReadsAlong::Always;
@@ -186,7 +185,7 @@ fn not_shown(task: &Task, plan: &Plan) -> Vec<Condition> {
 }
 
 /// What a run's virtual robot is: its compliances, and what else the run samples.
-fn truth_words(belief: &Belief, truth: &TruthMessage) -> String {
+fn truth_words(belief: &Belief, truth: &RunTruth) -> String {
     let compliances = belief.parameters.iter().zip(&truth.compliance_rad_per_nm);
     let compliance = |(&joint, value): (&usize, &f64)| {
         let joint = &belief.nominal.chain.joints[joint];

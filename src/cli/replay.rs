@@ -4,7 +4,7 @@ use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::run::RunMessage;
 use crate::study::Entry;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::workflow::study::refuse_others;
 
 use super::command_prelude::*;
@@ -51,7 +51,7 @@ impl Replay {
             let plan = entry.plan.as_ref();
             carried_out(&scenario, &settings[0], &entry.name, plan, self.run)
         };
-        let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
+        let plans: Vec<RunMessage> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
         let of_setting = Scenario {
             task: settings[0].task.clone(),
             ..scenario.clone()

@@ -5,10 +5,10 @@ use crate::identification::{AbsoluteMessage, ReadingWeights};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, PlanSize, Watch};
 use crate::plan::{Criterion, take_nearest_turns};
-use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::{absolute_plan::AbsolutePlanMessage, run::RunMessage};
 use crate::text::wording::shell_path;
 use crate::view::markup::PageError;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::view::report::{PlanPage, absolute_page, cards, of_readings, of_run, run_page};
 use crate::view::stills::Stills;
 use crate::view::tables;
@@ -57,7 +57,7 @@ struct Looped<'a> {
     /// The rows of measurements.csv.
     measurements: String,
     page: PageOf<'a>,
-    shown: Vec<CarriedOutPlan>,
+    shown: Vec<RunMessage>,
     /// What no plan is below, where that may be proved.
     bound: Option<Bound>,
 }
@@ -138,18 +138,14 @@ impl Run {
         let made = &main.calibration;
         let planned =
             PlannedAccuracy::of_deflections(scenario, made.plan.clone(), &main.assessment);
-        let truth = &scenario.truth;
-        let shown = outcome.tried.iter().map(|each| {
-            let (name, made) = (&each.record.name, &each.calibration);
-            CarriedOutPlan::of_deflections(task, truth, seed, name, made)
-        });
+        let shown = outcome.tried.iter().map(|each| each.record.clone());
         let commands = task.belief.commands();
         let text = deflections::describe(&made.identification, &task.belief);
         let text = text + &told_of_deflections(scenario, &outcome)?;
         let json = outcome.json(scenario, designed.elapsed_s)?;
         Ok(Looped {
             measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
-            shown: shown.collect::<Result<_, _>>()?,
+            shown: shown.collect(),
             bound: Some(designed.bound),
             report: Report::new(json, text, outcome.conditions.clone()),
             planned,
@@ -193,10 +189,7 @@ impl Run {
         let json = outcome.json(scenario, &provenance, &plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &outcome.readings),
-            shown: vec![CarriedOutPlan {
-                run: outcome.record.clone(),
-                did: outcome.carried_out.clone(),
-            }],
+            shown: vec![outcome.record.clone()],
             bound: None,
             report: Report::new(json, text, conditions),
             page: Box::new(move |page| absolute_page(page, &plan, None, Some(&outcome))),

@@ -18,7 +18,6 @@ use crate::quantities::units;
 use crate::robot::{Approach, Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
-use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
@@ -299,45 +298,6 @@ impl TestPoseMessage {
             rho0_mm: pose.predicted_m.as_ref().ok().map(|value| value * 1e3),
             uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
             residual_xyz_mm: thousandfold(&pose.seen.residual_m),
-        }
-    }
-}
-
-/// The simulated truth of a run on the virtual robot.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct TruthMessage {
-    /// The run's number.
-    pub run: u64,
-    /// The compliances of the identified joints (rad/(N m)).
-    pub compliance_rad_per_nm: Vec<f64>,
-    /// All that the run samples once; compliances as the logarithm of their ratio to the virtual robot's.
-    pub sampled: Vec<SampledValue>,
-    /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
-    pub deflections_mm: Vec<[f64; 3]>,
-    /// The quantities that absolute readings identified, in their order.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unknowns: Option<Vec<TrueUnknownMessage>>,
-}
-
-/// The simulated truth of what was identified.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TrueUnknownMessage {
-    /// Its name.
-    pub name: String,
-    /// Its value; null where a run does not say it.
-    pub value: Option<f64>,
-}
-
-impl TruthMessage {
-    /// The record of a run's truth, with the compliances of these joints.
-    pub fn new(joints: impl IntoIterator<Item = usize>, truth: &RunTruth) -> Self {
-        let compliance = |joint: usize| truth.compliance_rad_per_nm[joint];
-        Self {
-            run: truth.run,
-            compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
-            sampled: truth.sampled.clone(),
-            deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
-            unknowns: None,
         }
     }
 }

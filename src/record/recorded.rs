@@ -120,7 +120,7 @@ impl RunMessage {
                 let displacement_mm;
                 (measurement.deflection_mm, displacement_mm) = read(measurement.deflection_mm);
                 let own_mm = (measurement.deflection_std_mm).take_if(|_| along.is_some());
-                let true_deflection_mm = self.truth.deflections_mm.get(index).copied();
+                let true_deflection_mm = self.truth.deflections_m.get(index).map(thousandfold);
                 let (residual_mm, displacement_residual_mm) =
                     read(identification.residuals_mm.get(index).copied());
                 Some(ReadOnce::Deflection(Box::new(MeasurementRecord {

@@ -4,14 +4,14 @@ use serde::{Serialize, Serializer};
 use serde_json::json;
 
 use super::length::LengthField;
-use super::messages::{
-    MeasurementMessage, PlanRowMessage, TestPoseMessage, TruthMessage, plan_messages,
-};
-use crate::calibration::{Calibration, pose_conditions};
+use super::messages::{MeasurementMessage, PlanRowMessage, TestPoseMessage, plan_messages};
+use crate::calibration::{Calibration, CalibrationError, pose_conditions};
 use crate::codes::Condition;
 use crate::identification::{AbsoluteMessage, IdentificationMessage, MeasurementResidual};
 use crate::measurement::AbsoluteReading;
-use crate::task::Belief;
+use crate::study::carried_out::CarriedOut;
+use crate::task::Task;
+use crate::testbed::{RunTruth, Truth};
 use crate::text::wording::naming;
 
 /// One run from plan to compensated test poses.
@@ -25,12 +25,15 @@ pub struct RunMessage {
     #[serde(flatten)]
     pub measured: MeasuredMessage,
     /// The simulated truth of the run.
-    pub truth: TruthMessage,
+    pub truth: RunTruth,
     /// What is achieved at each test pose.
     pub test_poses: Vec<TestPoseMessage>,
     /// What must be looked at, of the identification and of what is commanded.
     #[serde(skip)]
     pub conditions: Vec<Condition>,
+    /// What the robot did, for those who show it.
+    #[serde(skip)]
+    pub did: CarriedOut,
 }
 
 /// What was measured in a run, and what was identified from that.
@@ -57,15 +60,25 @@ pub enum MeasuredMessage {
 }
 
 impl RunMessage {
-    /// The record of a calibration by deflections, under the name of its plan.
-    pub fn of_deflections(belief: &Belief, name: &str, calibration: &Calibration) -> Self {
+    /// The record of a calibration by deflections in a run under a seed, under the name of its plan.
+    ///
+    /// # Errors
+    /// See [`CalibrationError`]; none that the calibration did not have already.
+    pub fn of_deflections(
+        task: &Task,
+        truth: &Truth,
+        seed: u64,
+        name: &str,
+        calibration: &Calibration,
+    ) -> Result<Self, CalibrationError> {
+        let belief = &task.belief;
         let (commands, found) = (&belief.commands(), &calibration.identification);
         let mut conditions = found.conditions();
         conditions.extend(pose_conditions(belief, &calibration.poses));
         let measurements = calibration.measurements.iter();
         let poses = calibration.poses.iter();
         let nominal_rad_per_nm = &belief.nominal.compliance_rad_per_nm;
-        Self {
+        Ok(Self {
             name: name.to_owned(),
             plan: plan_messages(commands, &calibration.plan),
             measured: MeasuredMessage::Deflections {
@@ -75,15 +88,13 @@ impl RunMessage {
                 identification: Box::new(IdentificationMessage::new(found, nominal_rad_per_nm)),
                 residuals: calibration.residuals.clone(),
             },
-            truth: TruthMessage::new(
-                found.parameters.iter().map(|each| each.joint),
-                &calibration.truth,
-            ),
+            truth: calibration.truth.clone(),
             test_poses: poses
                 .map(|each| TestPoseMessage::new(commands, each))
                 .collect(),
             conditions,
-        }
+            did: CarriedOut::of_deflections(task, truth, seed, calibration)?,
+        })
     }
 
     /// How often something was read.

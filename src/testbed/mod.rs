@@ -18,5 +18,5 @@ pub use circumstances::{Circumstances, ReadingNumbers, Visit};
 pub use instrument::{add_noise, add_noise_of, measurements_of, numbers};
 pub use robots::{SeenFrom, TrueRobots};
 pub use true_compliances::{TrueCompliances, values_of_run};
-pub use truth::{EarlierValues, RunTruth, SampledValue, Truth};
+pub use truth::{EarlierValues, RunTruth, SampledValue, TrueUnknown, Truth};
 pub use virtual_robot::{Displacement, MeasurementError, VirtualRobot};

@@ -45,6 +45,8 @@ pub struct TrueRobots {
     targets: Vec<(String, usize)>,
     laboratory: Circumstances,
     compliance_rad_per_nm: Vec<f64>,
+    /// The joints that are identified.
+    identified: Vec<usize>,
     /// The normal numbers of the run that it was made last.
     normals: Vec<[f64; LANES]>,
     /// Whether the last run's differed from the model.
@@ -95,6 +97,7 @@ impl TrueRobots {
             bodies: [with(calibration)?, with(&belief.machining_tool.name)?],
             targets: others.map(site).collect::<Result<_, FileError>>()?,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            identified: belief.parameters.clone(),
             robot: robot.clone(),
             laboratory: laboratory.resting_on(unloaded),
             normals: Vec::new(),
@@ -228,11 +231,14 @@ impl TrueRobots {
 
     /// The same of a run in which nothing is loaded and read again.
     pub fn sampled(&self, run: u64) -> RunTruth {
+        let identified = self.identified.iter();
         RunTruth {
             run,
-            deflections_m: Vec::new(),
-            compliance_rad_per_nm: self.compliance_rad_per_nm.clone(),
+            compliance_rad_per_nm: identified
+                .map(|&joint| self.compliance_rad_per_nm[joint])
+                .collect(),
             sampled: self.laboratory.sampled(),
+            ..RunTruth::default()
         }
     }
 

@@ -1,8 +1,10 @@
 //! The simulated truth, which only the testbed knows.
 
 use nalgebra::{DMatrix, Vector3};
+use serde::{Serialize, Serializer};
 
 use crate::parameter::{ParameterKind, Uncertainty};
+use crate::quantities::units::thousandths;
 use crate::robot::TrueRobot;
 
 /// The virtual robot, and how it varies.
@@ -34,21 +36,39 @@ impl Truth {
 }
 
 /// The simulated truth of one run: what was sampled, and what an instrument without errors would have read.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct RunTruth {
     /// The run's number.
     pub run: u64,
-    /// The compliance of every joint (rad/(N m)).
+    /// The compliances of the identified joints (rad/(N m)).
     pub compliance_rad_per_nm: Vec<f64>,
-    /// All that a run samples once.
+    /// All that a run samples once; compliances as the logarithm of their ratio to the virtual robot's.
     pub sampled: Vec<SampledValue>,
     /// How far the load moved the tool in each reading (m, world frame), with what no model explains and without the
     /// instrument's errors.
+    #[serde(rename = "deflections_mm", serialize_with = "in_mm")]
     pub deflections_m: Vec<Vector3<f64>>,
+    /// The quantities that absolute readings identified, in their order.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unknowns: Option<Vec<TrueUnknown>>,
+}
+
+fn in_mm<S: Serializer>(vectors: &[Vector3<f64>], to: S) -> Result<S::Ok, S::Error> {
+    let in_mm = |vector: &Vector3<f64>| <[f64; 3]>::from(vector.map(thousandths));
+    to.collect_seq(vectors.iter().map(in_mm))
+}
+
+/// The simulated truth of what was identified.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TrueUnknown {
+    /// Its name.
+    pub name: String,
+    /// Its value; none where a run does not say it.
+    pub value: Option<f64>,
 }
 
 /// Something that a run samples once.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct SampledValue {
     /// Its name, as that of an unknown.
     pub name: String,

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use crate::calibration::calibrate;
 use crate::plan::search::random_plan;
-use crate::record::tally_file::Header;
+use crate::record::{run::RunMessage, tally_file::Header};
 use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::{Entry, Setting, TakenPlan, tally::Tally};
 use crate::view::mcap_file::study::write_study_mcap;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::view::rerun_file::study::{StudyStream, write_study_rerun};
 use crate::view::rerun_file::viewer::Viewer;
 use crate::view::study_recording::{Snapshot, StudyRecording};
@@ -132,19 +132,16 @@ pub fn carried_out(
     name: &str,
     plan: Option<&TakenPlan<'_>>,
     run: u64,
-) -> anyhow::Result<CarriedOutPlan> {
+) -> anyhow::Result<RunMessage> {
     let (task, seed) = (&setting.task, scenario.seed);
     let plan = match plan {
         Some(TakenPlan::Deflections(plan)) => plan.clone(),
         None => random_plan(task, setting.conditions.experiments, seed, run)?,
         Some(TakenPlan::Readings(readings)) => {
-            let (run, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
-            return Ok(CarriedOutPlan { run, did });
+            return replay_readings(scenario, setting, name, readings, seed, run);
         }
     };
     let truth = setting.truth;
     let made = calibrate(task, truth, &plan, seed, run)?;
-    Ok(CarriedOutPlan::of_deflections(
-        task, truth, seed, name, &made,
-    )?)
+    Ok(RunMessage::of_deflections(task, truth, seed, name, &made)?)
 }

@@ -158,7 +158,7 @@ impl Channels<'_> {
                     let change = scene::change_tool(recording, step.tool, now);
                     self.draw(SCENE, now, &change)?;
                 }
-                let (commands, did) = (&calibration.commands, &step.did);
+                let (commands, did) = (&recording.commands, &step.did);
                 let [unloaded, loaded] = &did.rests;
                 let record = StepRecord {
                     title: step.title.clone(),
