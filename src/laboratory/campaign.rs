@@ -454,10 +454,9 @@ impl Planner<'_> {
         let experiments = &self.plan.experiments;
         let group = |load: Option<Load>, members| Group {
             is_in_place: load.is_some(),
-            is_as_unloaded: false,
             loads: vec![load],
-            station: None,
             members,
+            ..Group::default()
         };
         let one = |&index: &usize| (vec![index], 1);
         let all = group(None, places.iter().map(one).collect());

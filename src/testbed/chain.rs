@@ -107,7 +107,7 @@ impl RestingBody for ChainRest {
         known.map(|&(index, _)| self.solver.q()[index]).collect()
     }
 
-    fn state(&self) -> &State {
+    fn simulation(&self) -> &State {
         self.arm.state()
     }
 

@@ -16,6 +16,7 @@ mod virtual_robot;
 
 pub use circumstances::{Circumstances, ReadingNumbers, Visit};
 pub use instrument::{add_noise, add_noise_of, measurements_of, numbers};
+pub use rest::RestingBody;
 pub use robots::{SeenFrom, TrueRobots};
 pub use true_compliances::{TrueCompliances, values_of_run};
 pub use truth::{EarlierValues, RunTruth, SampledValue, TrueUnknown, Truth};

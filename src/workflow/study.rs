@@ -21,7 +21,7 @@ use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::tally::Tally;
 use crate::study::{
-    Conditions, Entry, Level, Setting, StudyError, StudyPlan, StudySource, TakenPlan, repeated,
+    Conditions, Entry, Level, Setting, StudyError, StudyPlan, StudySource, TakenPlan,
 };
 use crate::task::{AccuracyKind, Task};
 
@@ -185,12 +185,16 @@ fn readings_of<'a>(
             (planning, plan)
         }
     };
-    // As a whole until there are so many, which it is known to divide.
-    let once = measurements_in(&found);
+    let as_whole = times_as_whole(measurements_in(&found), measurements);
     for (_, times) in &mut found {
-        *times *= (measurements / once.max(1)).max(1);
+        *times *= as_whole;
     }
     Ok(TakenPlan::of_readings(found, planning, groups))
+}
+
+/// How often a plan of so many measurements is made as a whole until there are so many, which it is known to divide.
+fn times_as_whole(once: u32, measurements: u32) -> u32 {
+    (measurements / once.max(1)).max(1)
 }
 
 /// Reads, designs or draws a plan of deflections, and repeats it as a whole; none where every run has its own.
@@ -202,16 +206,9 @@ fn deflections_of(
 ) -> anyhow::Result<Option<Plan>> {
     let (task, conditions) = (&setting.task, &setting.conditions);
     let wanted = conditions.experiments;
-    let whole = |plan: &Plan| {
-        let found = plan.measurements();
-        let problem =
-            || format!("{found} measurements do not make up {wanted} by whole repetitions");
-        let none = || FileError::new(&scenario.path, problem()).code(ErrorCode::NoPlan);
-        repeated(plan, wanted).ok_or_else(none)
-    };
-    Ok(Some(match &plan.source {
+    let found = match &plan.source {
         StudySource::File { plan, .. } => {
-            let mut plan = whole(plan)?;
+            let mut plan = plan.clone();
             for experiment in &mut plan.experiments {
                 experiment.load = experiment.load.scaled(conditions.load_scale);
             }
@@ -233,11 +230,14 @@ fn deflections_of(
                 let (joints, prior) = (task.belief.parameters.clone(), task.belief.prior.clone());
                 task.belief = task.belief.of_compliances(joints, prior)?;
             }
-            whole(&design(&task, &plan.name, wanted)?.exact.plan)?
+            design(&task, &plan.name, wanted)?.exact.plan
         }
         StudySource::Random => random_plan(task, wanted, scenario.seed, 0)?,
         StudySource::RandomEach => return Ok(None),
-    }))
+    };
+    Ok(Some(
+        found.repeated(times_as_whole(found.measurements(), wanted)),
+    ))
 }
 
 /// Tries a plan on so many virtual robots under a seed, unless the flag is set meanwhile; `progress` hears of each block.
