@@ -10,7 +10,7 @@ use crate::robot::ReadsAlong;
 use crate::study::{TakenPlan, virtual_readings::virtual_readings};
 use crate::task::{Belief, Task};
 use crate::testbed::{RunTruth, TrueRobots, VirtualRobot};
-use crate::workflow::ranges::{beyond_gauge, beyond_stations};
+use crate::workflow::identify::{beyond_gauge, beyond_stations};
 
 use super::command_prelude::*;
 

@@ -5,7 +5,7 @@ use std::iter;
 
 use nalgebra::{DMatrix, Matrix6, SymmetricEigen, Vector3};
 
-use super::absolute::AbsoluteReading;
+use super::AbsoluteReading;
 use super::columns::{
     DEFLECTION_SIGMA, DISPLACEMENT_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME,
     WORDS, covariance_column, covariance_columns, deviations, rotation_of, triangle,

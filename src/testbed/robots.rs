@@ -3,8 +3,7 @@
 use nalgebra::{DVector, Matrix3, Vector3};
 
 use super::circumstances::{Circumstances, ReadingNumbers, Visit};
-use super::true_compliances::values_of_run;
-use super::truth::{RunTruth, Truth};
+use super::truth::{RunTruth, Truth, values_of_run};
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::{Experiment, Plan};
 use crate::files::FileError;

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::design::Designed;
-use super::evidence::gather;
+use super::evidence::{EvidenceMessage, gather};
 use super::identify::{IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
@@ -31,7 +31,6 @@ use crate::plan::search::{
     median_random_plan, random_plan, repeats_needed,
 };
 use crate::record::absolute_plan::{AbsolutePlanMessage, planned_readings};
-use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::{
     PlanRowMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, assessment_json, results,
 };

@@ -26,8 +26,9 @@ use super::recording::{RecordedCalibration, Recording, Step};
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::messages::{ProvenanceMessage, thousandfold};
-use crate::record::recorded::{IdentificationRecord, IdentifiedReadings, PlanRows, ReadOnce};
-use crate::record::run::{MeasuredMessage, RunMessage};
+use crate::record::run::{
+    IdentificationRecord, IdentifiedReadings, MeasuredMessage, PlanRows, ReadOnce, RunMessage,
+};
 use crate::robot::Load;
 use crate::study::carried_out::AtRest;
 use scene::stamp;

@@ -5,12 +5,12 @@ use serde_json::Value;
 use crate::identification::IdentificationMessage;
 use crate::numeric::quantile::TWO_SIDED_95;
 use crate::plan::search::BudgetPoint;
-use crate::record::evidence::EvidenceMessage;
 use crate::testbed::RunTruth;
 use crate::text::wording::{listed, percent};
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, Series, WHOLE, middle,
 };
+use crate::workflow::evidence::EvidenceMessage;
 
 /// At so many test poses at most each has its number under the figure.
 const MOST_TICKS: usize = 36;
