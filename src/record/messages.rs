@@ -3,16 +3,19 @@
 //! The command line's `--json`, results.json and the MCAP file share them. Numbers that do not
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Map, Value, json};
 
-use super::length::LengthField;
 use crate::calibration::CompensatedPose;
 use crate::files::schema::RESULTS_VERSION;
 use crate::measurement::Measurement;
+use crate::observation::{LengthKind, ReadLength};
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::robot::{Approach, Commands, Load};
@@ -21,7 +24,7 @@ use crate::task::AccuracyKind;
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SchemaMessage {
     /// "elastocal." and the command that makes such results.
     pub name: String,
@@ -40,7 +43,7 @@ impl SchemaMessage {
 }
 
 /// Where an output comes from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProvenanceMessage {
     /// The version of elastocal.
     pub version: String,
@@ -118,7 +121,7 @@ pub fn platform() -> String {
 }
 
 /// One row of a plan: a configuration and a load.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PlanRowMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -138,7 +141,7 @@ pub struct PlanRowMessage {
 }
 
 /// What is read in a row of a plan of absolute readings, and from where.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PlannedReadingMessage {
     /// The site that is read; null for the calibration tool.
     pub target: Option<String>,
@@ -147,6 +150,37 @@ pub struct PlannedReadingMessage {
     /// The nominal length that is read, where one is.
     #[serde(flatten)]
     pub length: LengthField,
+}
+
+/// A length (mm) under the key of its kind; no key where there is none. It is flattened into what has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LengthField(pub Option<ReadLength>);
+
+impl Serialize for LengthField {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_map(None)?;
+        if let Some(ReadLength { kind, length_m }) = self.0 {
+            fields.serialize_entry(kind.column(), &(length_m * 1e3))?;
+        }
+        fields.end()
+    }
+}
+
+impl JsonSchema for LengthField {
+    fn schema_name() -> Cow<'static, str> {
+        "LengthField".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let field = |kind: LengthKind| {
+            let what = format!("The {} that is read (mm), where one is.", kind.name());
+            let field =
+                json!({ "description": what, "type": ["number", "null"], "format": "double" });
+            (kind.column().to_owned(), field)
+        };
+        let fields: Map<_, _> = LengthKind::ALL.into_iter().map(field).collect();
+        json_schema!({ "type": "object", "properties": fields })
+    }
 }
 
 /// The experiments of a plan in their order.
@@ -171,7 +205,7 @@ impl PlanRowMessage {
 }
 
 /// One experiment's outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MeasurementMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -262,7 +296,7 @@ pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
 }
 
 /// What compensation achieves at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TestPoseMessage {
     /// The test pose's name.
     pub name: String,

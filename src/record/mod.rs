@@ -9,12 +9,11 @@
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`absolute_plan`]: a plan of absolute readings; [`robot_trials`]: virtual robots on which one was tried.
-//! - [`length`]: a length that is read; [`joint_error_table`]: what joints are off by.
+//! - [`joint_error_table`]: what joints are off by.
 
 pub mod absolute_plan;
 pub mod campaign;
 pub mod joint_error_table;
-pub mod length;
 pub mod messages;
 pub mod model_selection;
 pub mod robot_trials;

@@ -8,9 +8,8 @@ use schemars::JsonSchema;
 use serde::{Serialize, Serializer};
 use serde_json::json;
 
-use super::length::LengthField;
 use super::messages::{
-    MeasurementMessage, PlanRowMessage, TestPoseMessage, plan_messages, thousandfold,
+    LengthField, MeasurementMessage, PlanRowMessage, TestPoseMessage, plan_messages, thousandfold,
 };
 use crate::calibration::{Calibration, CalibrationError, pose_conditions};
 use crate::codes::Condition;

@@ -177,8 +177,8 @@ pub enum StudyError {
     #[error("a study needs at least one plan")]
     NoPlan,
     /// The virtual robot's model lacks something.
-    #[error("{0}")]
-    Model(String),
+    #[error(transparent)]
+    Model(#[from] FileError),
     /// It was asked to stop.
     #[error("the study was stopped")]
     Stopped,
@@ -196,12 +196,6 @@ pub enum StudyError {
         /// What the first failed by.
         first: String,
     },
-}
-
-impl From<FileError> for StudyError {
-    fn from(error: FileError) -> Self {
-        Self::Model(error.to_string())
-    }
 }
 
 /// The plan repeated as a whole until it has so many measurements; `None` where whole repetitions
