@@ -232,8 +232,7 @@ impl PlanCommand {
             found.plan,
             beside,
         );
-        let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
-        let conditions = conditions.into_iter().collect();
+        let conditions = Vec::from_iter(STOP.load(Ordering::Relaxed).then(search_stopped));
         Ok((planned, Report::new(json, after, conditions)))
     }
 
@@ -292,8 +291,7 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
-        let conditions = designed.is_cut_short.then(search_stopped);
-        let conditions = conditions.into_iter().collect();
+        let conditions = Vec::from_iter(designed.is_cut_short.then(search_stopped));
         let mut report = Report::new(json, left_out(task) + "\n", conditions);
         if let Some(candidates) = &candidates {
             report.text += &args.told(&candidates.offer);

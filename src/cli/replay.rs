@@ -1,6 +1,5 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
-use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::run::RunMessage;
 use crate::study::Entry;
@@ -30,11 +29,9 @@ impl Replay {
         let common = &self.common;
         let mut scenario = common.open("replay")?;
         refuse_others(&scenario)?;
-        let folder = common.folder(&scenario);
         let [record, mcap, rerun] =
             ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
-        common.check_files(&scenario, Some((&folder, &[&record, &mcap, &rerun])))?;
-        make_folder(&folder)?;
+        let folder = common.results_folder(&scenario, &[&record, &mcap, &rerun])?;
         // The first conditions of a sweep stand for all.
         let others = scenario.study.conditions.split_off(1);
         let settings = scenario.settings();

@@ -1,6 +1,5 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
-use crate::files::make_folder;
 use crate::identification::{AbsoluteMessage, ReadingWeights};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, PlanSize, Watch};
@@ -66,10 +65,7 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.open("run")?;
-        let folder = common.folder(&scenario);
-        let names = [&FILES[..], RUN_FILES].concat();
-        common.check_files(&scenario, Some((&folder, &names)))?;
-        make_folder(&folder)?;
+        let folder = common.results_folder(&scenario, &[&FILES[..], RUN_FILES].concat())?;
         let design = &scenario.task.design;
         let measurements = counted(design.experiments.into(), design.accuracy.noun());
         common.say(&format!("designing a plan of {measurements}"));

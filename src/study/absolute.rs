@@ -174,9 +174,6 @@ impl<'a> ReadingRuns<'a> {
     }
 
     /// One run under a seed: draws, reads, identifies, and looks.
-    ///
-    /// # Errors
-    /// What it failed by.
     pub fn run(
         &self,
         robots: &mut TrueRobots,
@@ -226,9 +223,6 @@ impl<'a> ReadingRuns<'a> {
     }
 
     /// What the instrument says of the robot of a run, each reading by itself: as a file of measurements has them.
-    ///
-    /// # Errors
-    /// The robot does not rest.
     pub fn measure(
         &self,
         robots: &mut TrueRobots,

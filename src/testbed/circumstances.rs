@@ -295,9 +295,6 @@ impl Circumstances {
 
     /// Measures a plan on a virtual robot in this laboratory, without the instrument's own noise.
     /// `normals` are those of [`Self::draw`].
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn measure(
         &self,
         robot: &mut VirtualRobot,
@@ -438,9 +435,6 @@ impl Visit<'_> {
     }
 
     /// How far a virtual robot's tool moves.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn displacement(&self, robot: &mut VirtualRobot) -> Result<Displacement, MeasurementError> {
         let [unloaded, loaded] = &self.commanded_rad;
         robot.displacement_between(self.number, (unloaded, loaded), &self.load)

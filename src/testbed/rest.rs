@@ -39,9 +39,6 @@ pub trait RestingBody: std::fmt::Debug + Send + Sync {
     /// A site is missing.
     fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError>;
     /// Lets the robot come to rest at the commands of the belief's joints (rad, m).
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
     /// The tool's position (m) and axes.
     fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);

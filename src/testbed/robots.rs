@@ -204,9 +204,6 @@ impl TrueRobots {
     }
 
     /// The truth of the run that the robot was made that of, for a plan that is measured in it.
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn truth(
         &mut self,
         plan: &Plan,
@@ -300,9 +297,6 @@ impl TrueRobots {
     }
 
     /// Measures a plan in this run's laboratory, without the instrument's own noise.
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn measure_noise_free(
         &mut self,
         plan: &Plan,
@@ -319,9 +313,6 @@ impl TrueRobots {
 
     /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise in the run that
     /// [`Self::become_run_of`] named last. The experiment's load hangs on the calibration tool.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn read(
         &mut self,
         experiment: &Experiment,
@@ -348,9 +339,6 @@ impl TrueRobots {
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
     /// a test pose says what acts there. A load that is given in the tool's frame turns with this robot's tool.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn machining_tool_at_work(
         &mut self,
         commanded_rad: &DVector<f64>,
@@ -361,9 +349,6 @@ impl TrueRobots {
     }
 
     /// Where the machining tool rests (m), with its axes, if a controller commands these angles (rad).
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn machining_tool(
         &mut self,
         commanded_rad: &DVector<f64>,

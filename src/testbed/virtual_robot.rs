@@ -80,9 +80,6 @@ impl VirtualRobot {
 
     /// The static equilibrium at the commanded angles (rad) under a load: position (m) and axes of
     /// the tool in the world frame, and how it was found.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn rest(
         &mut self,
         commanded_rad: &DVector<f64>,
@@ -95,9 +92,6 @@ impl VirtualRobot {
 
     /// The tool's displacement from the unloaded to the loaded equilibrium: the virtual measurement
     /// before noise. `number` is the experiment's place in its plan, for the error.
-    ///
-    /// # Errors
-    /// One of the two states has no stable equilibrium.
     pub fn displacement(
         &mut self,
         number: usize,
@@ -108,9 +102,6 @@ impl VirtualRobot {
     }
 
     /// The same where the unloaded and the loaded robot are commanded different angles (rad).
-    ///
-    /// # Errors
-    /// One of the two states has no stable equilibrium.
     pub fn displacement_between(
         &mut self,
         number: usize,

@@ -232,9 +232,6 @@ impl CalibratedRobot {
 
     /// How far a tool that is commanded so is from its target in the frame of a station, by its place, or of the robot's base; `None` where that
     /// depends on what was not determined, and after deflections, which do not tell where tools stand.
-    ///
-    /// # Errors
-    /// The arm has no equilibrium there.
     pub fn target_accuracy(
         &self,
         tool: usize,

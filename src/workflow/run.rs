@@ -397,9 +397,6 @@ fn compensated(
 }
 
 /// One run of a study of absolute readings, with all that its robot did.
-///
-/// # Errors
-/// What it failed by.
 pub fn replay_readings(
     scenario: &Scenario,
     setting: &Setting<'_>,

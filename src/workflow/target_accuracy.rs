@@ -97,9 +97,6 @@ impl KnownPlaces {
 
     /// Of a tool that is commanded so, in the frame of a station, or of the robot's base where there is none; `None` where that depends on
     /// what was not determined.
-    ///
-    /// # Errors
-    /// The arm has no equilibrium there.
     pub fn accuracy(
         &self,
         (tool, station): (usize, Option<usize>),
