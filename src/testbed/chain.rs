@@ -89,7 +89,7 @@ impl RestingBody for ChainRest {
             self.rest_by_laws(load)
         };
         // The last step is followed without a new geometry.
-        self.arm.stand_at(self.solver.q());
+        self.arm.state.stand_at(self.solver.q());
         found
     }
 
@@ -99,7 +99,8 @@ impl RestingBody for ChainRest {
     }
 
     fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        self.arm.site_at(self.solver.q(), site)
+        self.arm.state.move_to(self.solver.q());
+        self.arm.state.site(site)
     }
 
     fn joint_angles(&self) -> Vec<f64> {
@@ -108,7 +109,7 @@ impl RestingBody for ChainRest {
     }
 
     fn simulation(&self) -> &State {
-        self.arm.state()
+        &self.arm.state
     }
 
     fn giving_way(&mut self, _: &Load) -> Vec<GivingWay> {
@@ -211,21 +212,6 @@ impl MujocoArm {
         }
         self.spare = Some(self.state.replace_model(&model));
         Ok(())
-    }
-
-    /// Has these coordinates of the joints (rad, m), and no pose by them yet.
-    pub fn stand_at(&mut self, q: &[f64]) {
-        self.state.stand_at(q);
-    }
-
-    /// The position (m) and axes of a site at these coordinates (rad, m).
-    pub fn site_at(&mut self, q: &[f64], site: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        self.state.move_to(q);
-        self.state.site(site)
-    }
-
-    pub const fn state(&self) -> &State {
-        &self.state
     }
 }
 

@@ -145,7 +145,8 @@ impl TrueRobots {
         if !self.laboratory.is_certain() {
             self.laboratory.draw(kept, normals, lane);
             for (joint, compliance) in self.compliance_rad_per_nm.iter_mut().enumerate() {
-                *compliance *= self.laboratory.compliance_factor(joint);
+                let kind = ParameterKind::JointCompliance { joint };
+                *compliance *= self.laboratory.difference(kind).exp();
             }
             let changes = self.laboratory.model_changes();
             if self.is_changed || !changes.is_empty() {
@@ -155,15 +156,13 @@ impl TrueRobots {
                 self.is_changed = !changes.is_empty();
             }
         }
-        let laws = self.laboratory.draws_laws().then(|| {
-            let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
-            laws.extend(&self.robot.torque_laws);
-            laws
-        });
+        let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
+        let draws_laws = !laws.is_empty();
+        laws.extend(&self.robot.torque_laws);
         for body in &mut self.bodies {
             body.set_compliance(&self.compliance_rad_per_nm);
-            if let Some(laws) = &laws {
-                body.set_torque_laws(laws);
+            if draws_laws {
+                body.set_torque_laws(&laws);
             }
         }
         Ok(())
