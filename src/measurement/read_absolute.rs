@@ -115,7 +115,6 @@ pub(super) fn absolute_readings(
 struct AbsoluteGroups {
     has_load: bool,
     is_pose: bool,
-    has_deviations: bool,
     has_covariance: bool,
     /// The columns that each kind has.
     of_kinds: Vec<(Option<LengthKind>, Vec<String>)>,
@@ -157,7 +156,6 @@ impl AbsoluteGroups {
         Ok(Self {
             has_load: table.has_group(&LOAD)?,
             is_pose,
-            has_deviations,
             has_covariance,
             of_kinds: of_kinds.collect(),
         })
@@ -224,9 +222,8 @@ impl AbsoluteGroups {
     ) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
         let is_pose = self.is_pose && kind.is_none();
-        let of_length = kind.map(|_| !row.get(DISPLACEMENT_SIGMA).is_nan());
-        if of_length.unwrap_or(self.has_deviations) {
-            let own = kind.map_or(DEFLECTION_SIGMA, |_| [DISPLACEMENT_SIGMA; 3]);
+        let own = kind.map_or(DEFLECTION_SIGMA, |_| [DISPLACEMENT_SIGMA; 3]);
+        if !row.get(own[0]).is_nan() {
             let position = deviations(row, own, &DEVIATION)?;
             let rotation = is_pose
                 .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))

@@ -34,7 +34,7 @@ fn setting(scenario: &Scenario, experiments: u32) -> [Setting<'_>; 1] {
 }
 
 fn run(scenario: &Scenario, level: Level, entries: &[Entry<'_>], trials: u64) -> Vec<Tally> {
-    let experiments = entries[0].kind.plan().expect("fixed").measurements();
+    let experiments = entries[0].plan.as_ref().expect("fixed").measurements();
     let settings = setting(scenario, experiments);
     let runner = Runner::new(&settings, scenario.seed, level, entries).expect("works");
     let blocks = runner.blocks(trials);
