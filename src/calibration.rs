@@ -259,9 +259,6 @@ pub fn pose_conditions(belief: &Belief, poses: &[CompensatedPose]) -> Vec<Condit
 
 /// Commands the virtual robot at a test pose under the task load as it is in this run, without and with compensation.
 /// The wanted place `t_0` is that of the unloaded tool.
-///
-/// # Errors
-/// There is no stable equilibrium.
 pub fn see(
     robots: &mut TrueRobots,
     pose: &TestPose,
@@ -274,9 +271,6 @@ pub fn see(
 }
 
 /// How far the loaded tool is from where it is wanted (m) with one of these commands.
-///
-/// # Errors
-/// As [`see`].
 pub fn see_residual(
     robots: &mut TrueRobots,
     pose: &TestPose,

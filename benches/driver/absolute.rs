@@ -1,7 +1,6 @@
 //! Absolute readings of a UR10: the one fit with and without joint error functions, and one virtual robot after another.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
@@ -12,7 +11,7 @@ use elastocal::plan::absolute::ReadingsWanted;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
-use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, StudiedReadings};
+use elastocal::study::{Conditions, Entry, Level, Setting, TakenPlan};
 use elastocal::task::AccuracyKind;
 use nalgebra::{DVector, Isometry3, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
@@ -107,15 +106,12 @@ pub fn trials(scenario: &'static Scenario) -> impl FnMut(u64) {
     let setting = Setting::new(task, &scenario.truth, conditions);
     let settings = Box::leak(Box::new([setting]));
     let planning = wanted.planning(&settings[0].task, 1).expect("a region");
+    let plan = planning.random(READINGS, 1, 0).expect("a plan");
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,
-        kind: EntryKind::Readings(Arc::new(StudiedReadings {
-            plan: planning.random(READINGS, 1, 0).expect("a plan"),
-            planning,
-            groups,
-            is_random: true,
-        })),
+        plan: Some(TakenPlan::of_readings(plan, planning, groups)),
+        is_random: true,
     }]));
     let runner = Runner::new(settings, 1, Level::Robot, entries).expect("a prediction");
     move |blocks| {

@@ -12,13 +12,14 @@ use elastocal::plan::search::{
     PlanSize, Problem, Watch, approximate_design, exact_design, random_plan,
 };
 use elastocal::plan::{Criterion, Plan, read_plan};
+use elastocal::record::run::RunMessage;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::{Runner, block_runs};
-use elastocal::study::{Conditions, Entry, EntryKind, Level, Setting, repeated};
+use elastocal::study::{Conditions, Entry, Level, Setting, TakenPlan, repeated};
 use elastocal::task::{AccuracyKind, Method};
 use elastocal::testbed::{VirtualRobot, add_noise_of};
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
 use nalgebra::{DMatrix, Matrix3xX};
 
@@ -242,7 +243,8 @@ fn study(scenario: &'static Scenario, level: Level, experiments: u32, on_threads
     let entries = Box::leak(Box::new([Entry {
         name: "plan".to_owned(),
         setting: 0,
-        kind: EntryKind::Fixed(plan),
+        plan: Some(TakenPlan::Deflections(plan)),
+        is_random: false,
     }]));
     let conditions = Conditions::plain(&scenario.task, experiments);
     let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
@@ -280,7 +282,7 @@ pub fn recording() -> Recording {
     let calibrations = plans.map(|(name, plan)| {
         let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
         let made = calibrate(task, truth, &plan, seed, 0).expect("a calibration");
-        CarriedOutPlan::of_deflections(task, truth, seed, name, &made).expect("it works")
+        RunMessage::of_deflections(task, truth, seed, name, &made).expect("it works")
     });
     Recording::new(scenario, &calibrations).expect("a recording")
 }

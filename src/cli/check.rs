@@ -2,10 +2,10 @@
 
 use std::ffi::OsStr;
 
-use crate::plan::absolute::AbsolutePlanning;
-use crate::plan::{Feasibility, read_plan, violated};
+use crate::plan::{Feasibility, violated};
 use crate::record::messages::SchemaMessage;
 use crate::record::understanding::{understanding_json, unknowns_json};
+use crate::study::TakenPlan;
 use crate::task::Task;
 use crate::understanding::{
     Understanding, UnderstoodJoint, UnderstoodPose, Unknowns, impossible, unknowns,
@@ -31,12 +31,11 @@ pub struct Check {
 }
 
 /// What a plan violates; one of absolute readings that cannot be taken is an error.
-fn violations(task: &Task, path: &Path) -> anyhow::Result<Vec<String>> {
-    if task.design.accuracy == AccuracyKind::Absolute {
-        AbsolutePlanning::of_file(task, &[], path)?;
-        return Ok(Vec::new());
-    }
-    let found = Feasibility::new(task).violations(&read_plan(path, task.belief.commands())?);
+fn violations(task: &Task, path: &Path) -> Result<Vec<String>, FileError> {
+    let found = match TakenPlan::read(task, &[], path)? {
+        TakenPlan::Deflections(plan) => Feasibility::new(task).violations(&plan),
+        TakenPlan::Readings(_) => Vec::new(),
+    };
     Ok(found.iter().map(ToString::to_string).collect())
 }
 

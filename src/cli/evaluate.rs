@@ -90,7 +90,7 @@ impl Evaluate {
             let provenance = args.common.provenance(scenario)?;
             args.proof.tell(&bound, &provenance, &mut besides)?;
         }
-        let planned = PlannedAccuracy::Deflections(plan, Box::new(assessment));
+        let planned = PlannedAccuracy::of_deflections(scenario, plan, &assessment);
         Ok((planned, besides))
     }
 

@@ -1,10 +1,10 @@
 //! Options that were given: which files they read and write, and which are about plans of one accuracy alone.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::codes::ErrorCode;
-use crate::files::{FileError, hexadecimal, roles::Roles, sha256_of};
+use crate::files::{FileError, hexadecimal, make_folder, roles::Roles, sha256_of};
 use crate::plan::Criterion;
 use crate::record::messages::ProvenanceMessage;
 use crate::scenario::Scenario;
@@ -140,6 +140,18 @@ impl Common {
             roles.writes_to(folder, names);
         }
         check_outputs(&mut roles, &self.given.outputs())
+    }
+
+    /// The folder for the results of a scenario, of these names; it is there, and no file would be lost.
+    pub fn results_folder(
+        &self,
+        scenario: &Scenario,
+        names: &[&str],
+    ) -> Result<PathBuf, FileError> {
+        let folder = self.folder(scenario);
+        self.check_files(scenario, Some((&folder, names)))?;
+        make_folder(&folder)?;
+        Ok(folder)
     }
 
     /// Where results come from: a scenario, and the files that were given beside it.

@@ -7,9 +7,10 @@ use crate::measurement::{
 };
 use crate::parameter::Unloaded;
 use crate::plan::absolute::AbsolutePlanning;
-use crate::plan::{Feasibility, Plan, read_plan};
+use crate::plan::{Feasibility, Plan};
 use crate::record::campaign::campaign_json;
 use crate::robot::ReadsAlong;
+use crate::study::TakenPlan;
 use crate::text::wording::duration;
 use crate::view::run_sheet::run_sheet;
 use crate::view::stills::Stills;
@@ -38,15 +39,6 @@ pub struct Lab {
     /// The dialect of the robot's program: krl, urscript, or a file that ends in .toml; the scenario's if not given.
     #[arg(long, value_name = "NAME|FILE")]
     dialect: Option<String>,
-}
-
-/// A plan as it is carried out, with what is taken along.
-struct LaboratoryWork<'a> {
-    stills: Stills<'a>,
-    campaign: Campaign,
-    /// The table to fill in.
-    table: String,
-    conditions: Vec<Condition>,
 }
 
 impl Lab {
@@ -78,33 +70,26 @@ impl Lab {
                 .map(|joint| chain.joints[joint].name.as_str())
                 .collect(),
         };
-        // The pictures of absolute readings are of what may be read.
-        let planning;
-        let work = match scenario.task.design.accuracy {
-            AccuracyKind::Relative => self.deflections(&scenario)?,
-            AccuracyKind::Absolute => {
-                planning = AbsolutePlanning::of_file(&scenario.task, &[], &self.plan)?;
-                self.readings(&scenario, &planning)?
-            }
-        };
-        let (stills, campaign) = (&work.stills, &work.campaign);
-        let sheet = run_sheet(&scenario, stills, campaign, &axes, dialect.is_some())?;
+        let taken = TakenPlan::read(&scenario.task, &[], &self.plan)?;
+        let (campaign, table, conditions) = self.carry_out(&scenario, &taken)?;
+        let stills = Stills::of_taken(&scenario, &taken);
+        let sheet = run_sheet(&scenario, &stills, &campaign, &axes, dialect.is_some())?;
         make_folder(&folder)?;
         let title = format!("elastocal: {name}, {}", self.plan.display());
         let gravity = &scenario.task.belief.nominal.chain.gravity_m_s2;
-        let files = files(&program(campaign, gravity, &title))?;
-        let text = describe(stills.plan.measurements(), campaign, gravity);
-        let mut report = Report::new(Value::Null, text, work.conditions);
+        let files = files(&program(&campaign, gravity, &title))?;
+        let text = describe(stills.plan.measurements(), &campaign, gravity);
+        let mut report = Report::new(Value::Null, text, conditions);
         report.save(&folder.join(RUN_SHEET), &sheet);
         for file in &files {
             report.save(&folder.join(&file.name), &file.text);
         }
         let provenance = self.common.provenance(&scenario)?;
         let costs = &scenario.laboratory.costs;
-        let record = campaign_json(&commands, costs, campaign);
+        let record = campaign_json(&commands, costs, &campaign);
         report.json = results("lab", &provenance, [record]);
         let [to_fill, record] = FILES.map(|name| folder.join(name));
-        report.save(&to_fill, &work.table);
+        report.save(&to_fill, &table);
         report.conditions.extend(no_program);
         let of_campaign = campaign.conditions(&scenario.laboratory);
         report.conditions.extend(of_campaign);
@@ -113,56 +98,46 @@ impl Lab {
         Ok(report)
     }
 
-    fn say_looking(&self, count: usize, what: &str) {
-        let count = counted(count as u64, what);
-        (self.common).say(&format!("looking for ways and an order for {count}"));
-    }
-
-    fn wrong(&self, error: &CampaignError) -> FileError {
-        let wrong = FileError::new(&self.plan, error.to_string());
-        wrong.code(ErrorCode::Campaign).hint(CampaignError::HINT)
-    }
-
-    /// A plan of deflections.
-    fn deflections<'a>(&self, scenario: &'a Scenario) -> anyhow::Result<LaboratoryWork<'a>> {
+    /// A plan as it is carried out, the table to fill in, and what must be looked at.
+    fn carry_out(
+        &self,
+        scenario: &Scenario,
+        plan: &TakenPlan<'_>,
+    ) -> Result<(Campaign, String, Vec<Condition>), FileError> {
         let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let plan = read_plan(&self.plan, task.belief.commands())?;
-        self.say_looking(plan.experiments.len(), "experiment");
-        let campaign = Campaign::new(task, laboratory, &plan, self.keep_order)
-            .map_err(|error| self.wrong(&error))?;
-        let violations = Feasibility::new(task).violations(&plan);
-        let conditions = violations.first().map(|first| {
+        let count = match plan {
+            TakenPlan::Deflections(plan) => counted(plan.experiments.len() as u64, "experiment"),
+            TakenPlan::Readings(taken) => counted(taken.plan.len() as u64, "absolute reading"),
+        };
+        (self.common).say(&format!("looking for ways and an order for {count}"));
+        let campaign = match plan {
+            TakenPlan::Deflections(plan) => Campaign::new(task, laboratory, plan, self.keep_order),
+            TakenPlan::Readings(taken) => {
+                let readings = (&taken.planning, &*taken.plan);
+                Campaign::of_readings(task, laboratory, readings, self.keep_order)
+            }
+        };
+        let campaign = campaign.map_err(|error| {
+            let wrong = FileError::new(&self.plan, error.to_string());
+            wrong.code(ErrorCode::Campaign).hint(CampaignError::HINT)
+        })?;
+        let plan = match plan {
+            TakenPlan::Deflections(plan) => plan,
+            TakenPlan::Readings(taken) => {
+                let table = readings_table(scenario, &taken.planning, &campaign);
+                return Ok((campaign, table, Vec::new()));
+            }
+        };
+        let violations = Feasibility::new(task).violations(plan);
+        let violated = violations.first().map(|first| {
             let count = counted(violations.len() as u64, "violation");
             let plan = self.plan.display();
             ConditionCode::Violation.with(format!("{plan}: the plan has {count}: {first}"))
         });
-        Ok(LaboratoryWork {
-            table: to_fill_in(scenario, &plan, &campaign),
-            stills: Stills::of_plan(scenario, &plan),
-            conditions: (conditions.into_iter())
-                .chain(campaign.drifts_otherwise(task, laboratory))
-                .collect(),
-            campaign,
-        })
-    }
-
-    /// A plan of absolute readings.
-    fn readings<'a>(
-        &self,
-        scenario: &'a Scenario,
-        planning: &'a AbsolutePlanning<'_>,
-    ) -> Result<LaboratoryWork<'a>, FileError> {
-        let whole = planning.whole();
-        self.say_looking(whole.len(), "absolute reading");
-        let (task, laboratory) = (&scenario.task, &scenario.laboratory);
-        let campaign = Campaign::of_readings(task, laboratory, (planning, &whole), self.keep_order)
-            .map_err(|error| self.wrong(&error))?;
-        Ok(LaboratoryWork {
-            table: readings_table(scenario, planning, &campaign),
-            stills: Stills::of_readings(scenario, &planning.readings(&whole)),
-            conditions: Vec::new(),
-            campaign,
-        })
+        let drifts = campaign.drifts_otherwise(task, laboratory);
+        let conditions = violated.into_iter().chain(drifts).collect();
+        let table = to_fill_in(scenario, plan, &campaign);
+        Ok((campaign, table, conditions))
     }
 }
 

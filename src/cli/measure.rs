@@ -4,13 +4,13 @@ use std::fmt::Display;
 
 use crate::calibration::{MeasuredRun, measure};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
-use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning, read_plan};
-use crate::record::messages::{MeasurementMessage, TruthMessage};
+use crate::plan::{Feasibility, Plan, Violation, absolute::AbsolutePlanning};
+use crate::record::messages::MeasurementMessage;
 use crate::robot::ReadsAlong;
-use crate::study::virtual_readings::virtual_readings;
+use crate::study::{TakenPlan, virtual_readings::virtual_readings};
 use crate::task::{Belief, Task};
-use crate::testbed::{TrueRobots, VirtualRobot};
-use crate::workflow::ranges::{beyond_gauge, beyond_stations};
+use crate::testbed::{RunTruth, TrueRobots, VirtualRobot};
+use crate::workflow::identify::{beyond_gauge, beyond_stations};
 
 use super::command_prelude::*;
 
@@ -50,9 +50,9 @@ impl Measure {
         let scenario = self.common.load()?;
         self.common.refuse_others("measure", &scenario)?;
         self.common.check_files(&scenario, None)?;
-        let (mut shown, run, rows) = match scenario.task.design.accuracy {
-            AccuracyKind::Absolute => self.absolute(&scenario)?,
-            AccuracyKind::Relative => self.deflections(&scenario)?,
+        let (mut shown, run, rows) = match TakenPlan::read(&scenario.task, &[], &self.plan)? {
+            TakenPlan::Deflections(plan) => self.deflections(&scenario, &plan)?,
+            TakenPlan::Readings(taken) => self.readings(&scenario, &taken.planning)?,
         };
         if let Some(path) = &self.measurements_out {
             let origin = scenario.origin().simulated(SimulatedRun {
@@ -70,9 +70,8 @@ impl Measure {
     }
 
     /// A plan of deflections.
-    fn deflections(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
+    fn deflections(&self, scenario: &Scenario, plan: &Plan) -> anyhow::Result<VirtualMeasurements> {
         let commands = scenario.task.belief.commands();
-        let plan = read_plan(&self.plan, commands.clone())?;
         self.common.say(&format!(
             "measuring {} on the virtual robot {}",
             counted(plan.measurements().into(), "experiment"),
@@ -81,7 +80,7 @@ impl Measure {
         let (task, truth) = (&scenario.task, &scenario.truth);
         let (measurements, of_run) = if self.noise_free && self.run.is_none() {
             let mut robot = VirtualRobot::new(&truth.robot, &task.belief.calibration_tool.name)?;
-            let measured = robot.measure_noise_free(&plan, &task.belief.instrument);
+            let measured = robot.measure_noise_free(plan, &task.belief.instrument);
             (measured.map_err(|error| self.wrong(&error))?, None)
         } else {
             let robots = TrueRobots::new(&task.belief, truth)?;
@@ -94,14 +93,13 @@ impl Measure {
                 &mut robots,
                 task,
                 truth,
-                &plan,
+                plan,
                 scenario.seed,
                 run,
                 !self.noise_free,
             )
             .map_err(|error| self.wrong(&error))?;
-            let joints = task.belief.parameters.iter().copied();
-            (measurements, Some(TruthMessage::new(joints, &truth)))
+            (measurements, Some(truth))
         };
         let reads_along = task.belief.instrument.reads_along();
         let is_along = reads_along == ReadsAlong::Always;
@@ -140,21 +138,24 @@ impl Measure {
             .map(|each| MeasurementMessage::new(&commands, each))
             .collect();
         let keys = json!({ "noise_free": self.noise_free, "run": self.run, "measurements": messages, "truth": of_run });
-        let outside = task.loads.outside_plan(&plan, None).into_iter();
-        let conditions = outside.chain(not_shown(task, &plan)).collect();
+        let outside = task.loads.outside_plan(plan, None).into_iter();
+        let conditions = outside.chain(not_shown(task, plan)).collect();
         let rows = deflection_table(&self.plan, &commands, &measurements)?;
         let run = of_run.map(|truth| truth.run);
         Ok((Report::new(keys, text, conditions), run, rows))
     }
 
     /// A plan of absolute readings, each by itself.
-    fn absolute(&self, scenario: &Scenario) -> anyhow::Result<VirtualMeasurements> {
+    fn readings(
+        &self,
+        scenario: &Scenario,
+        planning: &AbsolutePlanning<'_>,
+    ) -> anyhow::Result<VirtualMeasurements> {
         let (task, seed, run) = (&scenario.task, scenario.seed, self.run.unwrap_or(0));
-        let planning = AbsolutePlanning::of_file(task, &[], &self.plan)?;
         let readings = virtual_readings(
             task,
             &scenario.truth,
-            &planning,
+            planning,
             seed,
             run,
             self.campaign,
@@ -184,7 +185,7 @@ fn not_shown(task: &Task, plan: &Plan) -> Vec<Condition> {
 }
 
 /// What a run's virtual robot is: its compliances, and what else the run samples.
-fn truth_words(belief: &Belief, truth: &TruthMessage) -> String {
+fn truth_words(belief: &Belief, truth: &RunTruth) -> String {
     let compliances = belief.parameters.iter().zip(&truth.compliance_rad_per_nm);
     let compliance = |(&joint, value): (&usize, &f64)| {
         let joint = &belief.nominal.chain.joints[joint];

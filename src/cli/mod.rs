@@ -22,7 +22,6 @@ pub mod interruption;
 mod lab;
 mod measure;
 mod merge;
-mod model_selection;
 mod next;
 mod plan;
 mod plan_args;

@@ -12,6 +12,7 @@ use crate::plan::{Assessment, Criterion, Plan, take_nearest_turns};
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::MINUTES};
 use crate::record::messages::plan_messages;
 use crate::task::Task;
+use crate::view::stills::Stills;
 use crate::workflow::design::{Designed, Wanted, design as design_of, design_among};
 
 use super::command_prelude::*;
@@ -184,10 +185,10 @@ impl PlanCommand {
         let mut report = args.report("plan", &scenario, &planned, besides)?;
         report.text = tell(&timed) + &report.text;
         if let Some(path) = &self.plan_out {
-            report.noted(path, planned.write(&scenario.task, path));
+            report.noted(path, planned.plan.write(&scenario.task, path));
         }
         if let Some(path) = &self.stills_out {
-            report.save(path, &planned.stills(&scenario).sheet()?);
+            report.save(path, &Stills::of_taken(&scenario, &planned.plan).sheet()?);
         }
         args.finish(
             &scenario,
@@ -231,8 +232,7 @@ impl PlanCommand {
             found.plan,
             beside,
         );
-        let conditions = STOP.load(Ordering::Relaxed).then(search_stopped);
-        let conditions = conditions.into_iter().collect();
+        let conditions = Vec::from_iter(STOP.load(Ordering::Relaxed).then(search_stopped));
         Ok((planned, Report::new(json, after, conditions)))
     }
 
@@ -291,8 +291,7 @@ impl PlanCommand {
             "bound_searches": certificate.map_or(0, |certificate| certificate.searches),
             "bound_searches_agreeing": certificate.map_or(0, |certificate| certificate.agreeing),
         });
-        let conditions = designed.is_cut_short.then(search_stopped);
-        let conditions = conditions.into_iter().collect();
+        let conditions = Vec::from_iter(designed.is_cut_short.then(search_stopped));
         let mut report = Report::new(json, left_out(task) + "\n", conditions);
         if let Some(candidates) = &candidates {
             report.text += &args.told(&candidates.offer);
@@ -305,7 +304,7 @@ impl PlanCommand {
             report.text += &rests_on(certificate, &assessment);
         }
         report.text += &told(&designed, candidates.is_none());
-        let planned = PlannedAccuracy::Deflections(designed.exact.plan, Box::new(assessment));
+        let planned = PlannedAccuracy::of_deflections(scenario, designed.exact.plan, &assessment);
         Ok((planned, report))
     }
 

@@ -1,21 +1,18 @@
 //! A plan with what is predicted of it: of deflections, or of absolute readings.
 
-use std::sync::Arc;
-
 use crate::compensation::KnownArm;
-use crate::experiment::write_candidates;
 use crate::identification::ParameterGroup;
 use crate::parameter::ParameterKind;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
-use crate::plan::search::PlanBound;
+use crate::plan::search::{CandidatePlan, PlanBound};
 use crate::plan::{
-    Assessment, FurtherError, Plan, UncertaintyBudget, less_than_nominal, posterior, write_plan,
+    Assessment, FurtherError, Plan, UncertaintyBudget, less_than_nominal, posterior,
 };
 use crate::record::absolute_plan::AbsolutePlanMessage;
 use crate::record::messages::{assessment_json, merge};
 use crate::record::robot_trials::RobotTrials;
 use crate::study::verdict::Kept;
-use crate::study::{Conditions, EntryKind, Setting, StudiedReadings, StudyError};
+use crate::study::{Conditions, Setting, StudyError, TakenPlan};
 use crate::task::Task;
 use crate::understanding::implausible;
 use crate::view::report::{ABSOLUTE_ACCURACY, PlanPage, absolute_page};
@@ -36,126 +33,74 @@ pub const RELATIVE: &str =
     "A relative accuracy: of the deflection by the load, whatever the pose without it.\n";
 
 /// A plan with what is predicted of it.
-pub enum PlannedAccuracy<'a> {
-    /// Of deflections.
-    Deflections(Plan, Box<Assessment>),
-    /// Of absolute readings.
-    Readings(
-        Arc<StudiedReadings<'a>>,
-        Box<PredictedAccuracy>,
-        Box<AbsolutePlanMessage>,
-    ),
+pub struct PlannedAccuracy<'a> {
+    /// The plan.
+    pub plan: TakenPlan<'a>,
+    /// The prediction as keys and for a person.
+    json: Value,
+    text: String,
+    /// What must be looked at.
+    pub conditions: Vec<Condition>,
+    /// The uncertainty budget.
+    pub budget: Option<UncertaintyBudget>,
+    /// The record of a plan of absolute readings.
+    pub record: Option<AbsolutePlanMessage>,
 }
 
 impl<'a> PlannedAccuracy<'a> {
+    /// What is predicted of a plan of deflections.
+    pub fn of_deflections(scenario: &Scenario, plan: Plan, assessment: &Assessment) -> Self {
+        let noted = noted(assessment.less_than_nominal.as_slice());
+        Self {
+            plan: TakenPlan::Deflections(plan),
+            json: assessment_json(scenario, assessment),
+            text: describe(scenario, assessment) + &noted,
+            conditions: conditions(scenario, assessment),
+            budget: assessment.uncertainty_budget.clone(),
+            record: None,
+        }
+    }
+
     /// What is predicted of a plan of absolute readings, of candidates that may be drawn.
     pub fn of_readings(
         task: &Task,
         groups: &'a [ParameterGroup],
         planning: AbsolutePlanning<'a>,
-        plan: Vec<(usize, u32)>,
+        plan: CandidatePlan,
         (bound, drawn): (Option<&PlanBound>, Option<DrawnWanted>),
     ) -> Self {
         let prediction = planning.prediction(&plan);
         let mut record = AbsolutePlanMessage::new(task, &planning, &plan, &prediction, bound);
         record.drawn = drawn;
-        let studied = StudiedReadings {
-            planning,
-            plan,
-            groups,
-            is_random: false,
-        };
-        Self::Readings(Arc::new(studied), Box::new(prediction), Box::new(record))
-    }
-
-    fn json(&self, scenario: &Scenario) -> serde_json::Result<Value> {
-        match self {
-            Self::Deflections(_, assessment) => Ok(assessment_json(scenario, assessment)),
-            Self::Readings(_, _, record) => serde_json::to_value(record),
-        }
-    }
-
-    fn describe(&self, scenario: &Scenario) -> String {
-        match self {
-            Self::Deflections(_, assessment) => {
-                describe(scenario, assessment) + &noted(assessment.less_than_nominal.as_slice())
-            }
-            Self::Readings(studied, prediction, record) => {
-                let set = studied.planning.set();
-                let less = less_than_nominal(set, &set.prior().precision, &prediction.posterior);
-                describe_readings(record) + &noted(less.as_slice())
-            }
-        }
-    }
-
-    /// What must be looked at.
-    pub fn conditions(&self, scenario: &Scenario) -> Vec<Condition> {
-        let (studied, prediction, record) = match self {
-            Self::Deflections(_, assessment) => return conditions(scenario, assessment),
-            Self::Readings(studied, prediction, record) => (studied, prediction, record),
-        };
-        let left = prediction.left.as_ref().err().map(|names| {
-            let place = "the tool's place at the test poses, which depends on";
-            undetermined_by_plan(&format!("{place} {}", names.join(", ")))
-        });
-        let compliances = undetermined_compliances(studied, prediction);
-        let unplaced = studied.planning.unplaced_stations(&studied.plan);
-        let unplaced = unplaced.iter().map(|words| undetermined_by_plan(words));
-        (left.into_iter())
-            .chain(unplaced)
-            .chain(below_bound(record.efficiency, compliances.is_empty()))
-            .chain(compliances)
-            .collect()
-    }
-
-    /// Its uncertainty budget.
-    pub fn budget(&self) -> Option<&UncertaintyBudget> {
-        match self {
-            Self::Deflections(_, assessment) => assessment.uncertainty_budget.as_ref(),
-            Self::Readings(_, _, record) => record.uncertainty_budget.as_ref(),
-        }
-    }
-
-    /// The robot in each configuration.
-    pub fn stills<'b>(&'b self, scenario: &'b Scenario) -> Stills<'b> {
-        match self {
-            Self::Deflections(plan, _) => Stills::of_plan(scenario, plan),
-            Self::Readings(studied, ..) => {
-                Stills::of_readings(scenario, &studied.planning.readings(&studied.plan))
-            }
-        }
-    }
-
-    /// Writes the plan.
-    pub fn write(&self, task: &Task, path: &Path) -> Result<(), FileError> {
-        match self {
-            Self::Deflections(plan, _) => write_plan(path, task.belief.commands(), plan),
-            Self::Readings(studied, ..) => {
-                let rows = studied.planning.rows(&studied.plan);
-                write_candidates(path, task.belief.commands(), &rows)
-            }
+        let set = planning.set();
+        let less = less_than_nominal(set, &set.prior().precision, &prediction.posterior);
+        Self {
+            json: json!(record),
+            text: describe_readings(&record) + &noted(less.as_slice()),
+            conditions: conditions_of_readings(&planning, &plan, &prediction, &record),
+            budget: record.uncertainty_budget.clone(),
+            record: Some(record),
+            plan: TakenPlan::of_readings(plan, planning, groups),
         }
     }
 
     /// Adds the static compliance at the test poses, as it is known after the plan.
     pub fn add_static_compliance(&self, report: &mut Report, task: &Task) -> anyhow::Result<()> {
-        match self {
-            Self::Deflections(plan, _) => {
-                let (arm, set) = (task.belief.uncertain.arm(), task.belief.uncertain.set());
-                let known = KnownArm {
-                    tool: arm.tools.len() - 1,
-                    arm,
-                    set,
-                    posterior: &posterior(&task.belief, plan),
-                };
-                add_static_compliance(report, &known, &task.test_poses)?;
-            }
-            Self::Readings(studied, prediction, _) => {
-                let known = studied.planning.known_arm(&prediction.posterior);
-                add_static_compliance(report, &known, &task.test_poses)?;
-            }
-        }
-        Ok(())
+        let belief = &task.belief.uncertain;
+        let posterior = match &self.plan {
+            TakenPlan::Deflections(plan) => posterior(&task.belief, plan),
+            TakenPlan::Readings(taken) => taken.planning.prediction(&taken.plan).posterior,
+        };
+        let known = match &self.plan {
+            TakenPlan::Deflections(_) => KnownArm {
+                tool: belief.arm().tools.len() - 1,
+                arm: belief.arm(),
+                set: belief.set(),
+                posterior: &posterior,
+            },
+            TakenPlan::Readings(taken) => taken.planning.known_arm(&posterior),
+        };
+        Ok(add_static_compliance(report, &known, &task.test_poses)?)
     }
 }
 
@@ -169,10 +114,10 @@ impl PlanArgs {
         mut report: Report,
     ) -> anyhow::Result<Report> {
         report.json["gate"] = json!(scenario.gate);
-        merge(&mut report.json, planned.json(scenario)?);
-        report.text.insert_str(0, &planned.describe(scenario));
-        self.budget.write(planned.budget(), &mut report);
-        report.conditions.splice(0..0, planned.conditions(scenario));
+        merge(&mut report.json, planned.json.clone());
+        report.text.insert_str(0, &planned.text);
+        self.budget.write(planned.budget.as_ref(), &mut report);
+        report.conditions.splice(0..0, planned.conditions.clone());
         Ok((self.common).report(command, scenario, report)?)
     }
 
@@ -184,10 +129,10 @@ impl PlanArgs {
         plan: Option<&Path>,
         mut report: Report,
     ) -> anyhow::Result<Report> {
-        if let (Some(path), PlannedAccuracy::Readings(_, _, record)) = (&self.report_out, planned) {
+        if let (Some(path), Some(record)) = (&self.report_out, &planned.record) {
             let page = PlanPage {
                 scenario,
-                stills: &planned.stills(scenario).figures(),
+                stills: &Stills::of_taken(scenario, &planned.plan).figures(),
                 conditions: &report.conditions,
                 provenance: &self.common.provenance(scenario)?,
                 command: &command_line(),
@@ -208,20 +153,13 @@ impl PlanArgs {
         planned: &PlannedAccuracy<'_>,
         robots: u64,
     ) -> anyhow::Result<RobotTrials> {
-        let (kind, measurements) = match planned {
-            PlannedAccuracy::Deflections(plan, _) => {
-                (EntryKind::Fixed(plan.clone()), plan.measurements())
-            }
-            PlannedAccuracy::Readings(studied, prediction, _) => {
-                (EntryKind::Readings(studied.clone()), prediction.readings)
-            }
-        };
+        let (plan, measurements) = (planned.plan.clone(), planned.plan.measurements());
         let conditions = Conditions::plain(&scenario.task, measurements);
         let setting = Setting::new(&scenario.task, &scenario.truth, conditions);
         let bar = bar(self.common.quiet, "robots");
         bar.set_length(robots);
         let progress = |done| bar.inc(done);
-        let trials = try_plan(&setting, scenario.seed, kind, robots, &STOP, &progress);
+        let trials = try_plan(&setting, scenario.seed, plan, robots, &STOP, &progress);
         bar.finish_and_clear();
         searched();
         let trials = match trials {
@@ -234,20 +172,31 @@ impl PlanArgs {
     }
 }
 
-/// The compliances that a plan was to determine and does not, by name.
-fn undetermined_compliances(
-    studied: &StudiedReadings<'_>,
+/// What must be looked at of a plan of absolute readings.
+fn conditions_of_readings(
+    planning: &AbsolutePlanning<'_>,
+    plan: &[(usize, u32)],
     prediction: &PredictedAccuracy,
+    record: &AbsolutePlanMessage,
 ) -> Vec<Condition> {
-    let (planning, plan) = (&studied.planning, &studied.plan);
+    let left = prediction.left.as_ref().err().map(|names| {
+        let place = "the tool's place at the test poses, which depends on";
+        format!("{place} {}", names.join(", "))
+    });
     let unknowns = planning.set().parameters().iter().enumerate();
+    // The compliances that it was to determine.
     let missing = unknowns.filter(|(index, each)| {
         matches!(each.kind, ParameterKind::JointCompliance { .. })
             && !planning.is_elsewhere(*index, plan)
             && prediction.posterior.standard_error(*index).is_none()
     });
-    missing
-        .map(|(index, _)| undetermined_by_plan(&planning.words(index)))
+    let missing: Vec<String> = missing.map(|(index, _)| planning.words(index)).collect();
+    let unplaced = planning.unplaced_stations(plan).into_iter();
+    let below_bound = below_bound(record.efficiency, missing.is_empty());
+    (left.into_iter().chain(unplaced))
+        .map(|words| undetermined_by_plan(&words))
+        .chain(below_bound)
+        .chain(missing.iter().map(|words| undetermined_by_plan(words)))
         .collect()
 }
 
@@ -442,7 +391,7 @@ fn further(assessment: &Assessment) -> String {
 const BEYOND_ROUNDING: f64 = 1e-6;
 
 /// What must be looked at of a plan.
-pub fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition> {
+fn conditions(scenario: &Scenario, assessment: &Assessment) -> Vec<Condition> {
     let undetermined = assessment.undetermined(&scenario.task.belief);
     let mut conditions: Vec<Condition> = (undetermined.iter())
         .map(|words| undetermined_by_plan(words))

@@ -1,10 +1,9 @@
 //! `replay`: one run of the study on the virtual robot, recorded.
 
-use crate::files::make_folder;
 use crate::record::messages::ProvenanceMessage;
 use crate::record::run::RunMessage;
 use crate::study::Entry;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::workflow::study::refuse_others;
 
 use super::command_prelude::*;
@@ -30,11 +29,9 @@ impl Replay {
         let common = &self.common;
         let mut scenario = common.open("replay")?;
         refuse_others(&scenario)?;
-        let folder = common.folder(&scenario);
         let [record, mcap, rerun] =
             ["json", "mcap", "rrd"].map(|ending| format!("replay_{}.{ending}", self.run));
-        common.check_files(&scenario, Some((&folder, &[&record, &mcap, &rerun])))?;
-        make_folder(&folder)?;
+        let folder = common.results_folder(&scenario, &[&record, &mcap, &rerun])?;
         // The first conditions of a sweep stand for all.
         let others = scenario.study.conditions.split_off(1);
         let settings = scenario.settings();
@@ -48,9 +45,10 @@ impl Replay {
             entries.len()
         ));
         let plan = |entry: &Entry<'_>| {
-            carried_out(&scenario, &settings[0], &entry.name, &entry.kind, self.run)
+            let plan = entry.plan.as_ref();
+            carried_out(&scenario, &settings[0], &entry.name, plan, self.run)
         };
-        let plans: Vec<CarriedOutPlan> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
+        let plans: Vec<RunMessage> = entries.iter().map(plan).collect::<anyhow::Result<_>>()?;
         let of_setting = Scenario {
             task: settings[0].task.clone(),
             ..scenario.clone()

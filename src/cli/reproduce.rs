@@ -1,6 +1,5 @@
 //! `reproduce`: the paper's numbers beside this program's.
 
-use crate::files::make_folder;
 use crate::paper::{Reproduction, reproduce};
 use crate::plan::search::Watch;
 use crate::record::messages::ProvenanceMessage;
@@ -28,9 +27,7 @@ impl Reproduce {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.load()?;
-        let folder = common.folder(&scenario);
-        common.check_files(&scenario, Some((&folder, &[FILE])))?;
-        make_folder(&folder)?;
+        let folder = common.results_folder(&scenario, &[FILE])?;
         let trials = self.trials.unwrap_or(scenario.study.trials);
         common.say("designing a plan for each number of Table 6");
         let bar = bar(common.quiet, "designing plans");

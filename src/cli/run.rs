@@ -1,15 +1,15 @@
 //! `run`: the whole loop, and a folder with all that came of it.
 
-use crate::files::make_folder;
 use crate::identification::{AbsoluteMessage, ReadingWeights};
 use crate::measurement::{SimulatedRun, absolute_table, deflection_table};
 use crate::plan::search::{Bound, PlanSize, Watch};
 use crate::plan::{Criterion, take_nearest_turns};
-use crate::record::absolute_plan::AbsolutePlanMessage;
+use crate::record::{absolute_plan::AbsolutePlanMessage, run::RunMessage};
 use crate::text::wording::shell_path;
 use crate::view::markup::PageError;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::view::report::{PlanPage, absolute_page, cards, of_readings, of_run, run_page};
+use crate::view::stills::Stills;
 use crate::view::tables;
 use crate::workflow::design::Wanted;
 use crate::workflow::run::{
@@ -56,7 +56,7 @@ struct Looped<'a> {
     /// The rows of measurements.csv.
     measurements: String,
     page: PageOf<'a>,
-    shown: Vec<CarriedOutPlan>,
+    shown: Vec<RunMessage>,
     /// What no plan is below, where that may be proved.
     bound: Option<Bound>,
 }
@@ -65,10 +65,7 @@ impl Run {
     pub fn execute(&self) -> anyhow::Result<Report> {
         let common = &self.common;
         let scenario = common.open("run")?;
-        let folder = common.folder(&scenario);
-        let names = [&FILES[..], RUN_FILES].concat();
-        common.check_files(&scenario, Some((&folder, &names)))?;
-        make_folder(&folder)?;
+        let folder = common.results_folder(&scenario, &[&FILES[..], RUN_FILES].concat())?;
         let design = &scenario.task.design;
         let measurements = counted(design.experiments.into(), design.accuracy.noun());
         common.say(&format!("designing a plan of {measurements}"));
@@ -77,7 +74,7 @@ impl Run {
             AccuracyKind::Relative => self.deflections(&scenario)?,
         };
         let mut report = looped.report;
-        let stills = looped.planned.stills(&scenario);
+        let stills = Stills::of_taken(&scenario, &looped.planned.plan);
         let [plan, measurements, results] = FILES.map(|name| folder.join(name));
         let page = (looped.page)(&PlanPage {
             scenario: &scenario,
@@ -89,7 +86,7 @@ impl Run {
             parameters: &self.readings.parameters,
         })?;
         let written = &mut report.written;
-        written.note(&plan, looped.planned.write(&scenario.task, &plan));
+        written.note(&plan, looped.planned.plan.write(&scenario.task, &plan));
         let origin = scenario
             .origin()
             .simulated(SimulatedRun::first(scenario.seed, Some(RUN)));
@@ -108,7 +105,8 @@ impl Run {
             let provenance = common.provenance(&scenario)?;
             self.proof.tell(bound, &provenance, &mut report)?;
         }
-        self.budget.write(looped.planned.budget(), &mut report);
+        let budget = looped.planned.budget.as_ref();
+        self.budget.write(budget, &mut report);
         common.say(&format!(
             "run sheet, robot program and table to fill in are written by `elastocal lab {} --plan {}`",
             shell_path(&scenario.path),
@@ -134,20 +132,16 @@ impl Run {
         proceed()?;
         let main = &outcome.tried[0];
         let made = &main.calibration;
-        let (assessment, plan) = (Box::new(main.assessment.clone()), made.plan.clone());
-        let planned = PlannedAccuracy::Deflections(plan, assessment);
-        let truth = &scenario.truth;
-        let shown = outcome.tried.iter().map(|each| {
-            let (name, made) = (&each.record.name, &each.calibration);
-            CarriedOutPlan::of_deflections(task, truth, seed, name, made)
-        });
+        let planned =
+            PlannedAccuracy::of_deflections(scenario, made.plan.clone(), &main.assessment);
+        let shown = outcome.tried.iter().map(|each| each.record.clone());
         let commands = task.belief.commands();
         let text = deflections::describe(&made.identification, &task.belief);
         let text = text + &told_of_deflections(scenario, &outcome)?;
         let json = outcome.json(scenario, designed.elapsed_s)?;
         Ok(Looped {
             measurements: deflection_table(&scenario.path, &commands, &made.measurements)?,
-            shown: shown.collect::<Result<_, _>>()?,
+            shown: shown.collect(),
             bound: Some(designed.bound),
             report: Report::new(json, text, outcome.conditions.clone()),
             planned,
@@ -180,27 +174,21 @@ impl Run {
         let groups = &*self.readings.parameters;
         let beside = (found.bound.as_ref(), wanted.drawn(seed));
         let planned = PlannedAccuracy::of_readings(task, groups, planning, found.plan, beside);
-        let PlannedAccuracy::Readings(_, _, plan) = &planned else {
+        let Some(plan) = planned.record.clone() else {
             anyhow::bail!("a plan of absolute readings has a record of its own");
         };
-        let mut conditions = planned.conditions(scenario);
+        let mut conditions = planned.conditions.clone();
         conditions.extend(outcome.conditions(scenario));
         let found = AbsoluteMessage::new(&outcome.identified.case, &outcome.identified.fit);
-        let told = told_of_readings(plan, &outcome)?;
+        let told = told_of_readings(&plan, &outcome)?;
         let text = absolute::describe(&found, &task.belief) + &told;
-        let json = outcome.json(scenario, &provenance, plan, groups)?;
+        let json = outcome.json(scenario, &provenance, &plan, groups)?;
         Ok(Looped {
             measurements: absolute_table(&task.belief.commands(), &outcome.readings),
-            shown: vec![CarriedOutPlan {
-                run: outcome.record.clone(),
-                did: outcome.carried_out.clone(),
-            }],
+            shown: vec![outcome.record.clone()],
             bound: None,
             report: Report::new(json, text, conditions),
-            page: {
-                let plan = plan.clone();
-                Box::new(move |page| absolute_page(page, &plan, None, Some(&outcome)))
-            },
+            page: Box::new(move |page| absolute_page(page, &plan, None, Some(&outcome))),
             planned,
         })
     }

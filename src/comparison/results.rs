@@ -183,7 +183,10 @@ impl ResultsFile {
     }
 
     fn answer(&mut self, aspect: Aspect, identity: String) {
-        let shown = identity.clone();
+        self.answer_shown(aspect, [identity.clone(), identity]);
+    }
+
+    fn answer_shown(&mut self, aspect: Aspect, [identity, shown]: [String; 2]) {
         self.answers.insert(aspect, Answer { identity, shown });
     }
 
@@ -196,8 +199,7 @@ impl ResultsFile {
         let identity = self.provenance.scenario_sha256.clone();
         let hash: String = identity.chars().take(12).collect();
         let shown = format!("{} {hash}", self.provenance.scenario);
-        self.answers
-            .insert(Aspect::Scenario, Answer { identity, shown });
+        self.answer_shown(Aspect::Scenario, [identity, shown]);
         let counted = ["those of the scenario", "noise alone"];
         let counted = counted[usize::from(self.provenance.noise_only)];
         self.answer(Aspect::Errors, counted.to_owned());
@@ -211,14 +213,12 @@ impl ResultsFile {
                 });
                 inputs.collect::<Vec<_>>().join(", ")
             };
-            let [identity, shown] = [usize::MAX, 12].map(each);
-            (self.answers).insert(Aspect::Inputs, Answer { identity, shown });
+            self.answer_shown(Aspect::Inputs, [usize::MAX, 12].map(each));
         }
         let mut sorted = self.plans.clone();
         sorted.sort_unstable();
-        let [identity, shown] = [&sorted, &self.plans].map(|names| names.join(", "));
-        self.answers
-            .insert(Aspect::Plans, Answer { identity, shown });
+        let names = [&sorted, &self.plans].map(|names| names.join(", "));
+        self.answer_shown(Aspect::Plans, names);
     }
 
     fn run(&mut self, run: &ResultPlace<'_>) -> Result<(), FileError> {

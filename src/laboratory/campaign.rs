@@ -198,7 +198,7 @@ impl Campaign {
         let return_way = match (&planner.home, stops.last()) {
             (Some(home), Some(last)) => {
                 let home = home.clone();
-                planner.home_from(last, &home)
+                planner.find(&last.configuration, &home, last.load)
             }
             _ => None,
         };
@@ -454,10 +454,9 @@ impl Planner<'_> {
         let experiments = &self.plan.experiments;
         let group = |load: Option<Load>, members| Group {
             is_in_place: load.is_some(),
-            is_as_unloaded: false,
             loads: vec![load],
-            station: None,
             members,
+            ..Group::default()
         };
         let one = |&index: &usize| (vec![index], 1);
         let all = group(None, places.iter().map(one).collect());
@@ -527,10 +526,6 @@ impl Planner<'_> {
                 to: format!("experiment {}", stop.experiments[0] + 1),
                 load: hanging.as_ref().map(in_words),
             })
-    }
-
-    fn home_from(&mut self, last: &Stop, home: &DVector<f64>) -> Option<Way> {
-        self.find(&last.configuration, home, last.load)
     }
 
     /// The way between two configurations without a load and with what hangs.

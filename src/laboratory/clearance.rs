@@ -10,6 +10,7 @@ const SHORTEST_STEP_M: f64 = 5e-3;
 /// Judges moves of the nominal robot at rest under a load. At every place that it looks at the clearance
 /// holds, and no point of the robot moves farther than the clearance from one to the next: in between, half
 /// of it is left.
+#[derive(Debug)]
 pub struct PathJudge<'a> {
     task: &'a Task,
     simulation: Option<State>,
@@ -17,16 +18,6 @@ pub struct PathJudge<'a> {
     clearance_m: f64,
     /// How far each joint moves any point of the robot at most (m per rad, or per m).
     reach: Vec<f64>,
-}
-
-impl std::fmt::Debug for PathJudge<'_> {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter
-            .debug_struct("PathJudge")
-            .field("clearance_m", &self.clearance_m)
-            .field("reach", &self.reach)
-            .finish_non_exhaustive()
-    }
 }
 
 impl<'a> PathJudge<'a> {

@@ -89,6 +89,7 @@ impl Stop {
 }
 
 /// Visits under the same loads, with the instrument at one station.
+#[derive(Default)]
 pub(super) struct Group {
     /// What hangs in each visit in turn.
     pub loads: Vec<Option<Load>>,
@@ -183,12 +184,11 @@ pub(super) fn groups_of_loads(
         places.sort_unstable();
         let loaded = loads.iter().map(|(load, places)| Group {
             loads: vec![Some(*load)],
-            station: None,
-            is_in_place: false,
             is_as_unloaded: drifts,
             members: (places.iter())
                 .map(|&index| (vec![index], plan.experiments[index].repeats))
                 .collect(),
+            ..Group::default()
         });
         let unloaded = unloaded(belief, plan, &places);
         [unloaded].into_iter().chain(loaded).collect::<Vec<_>>()
@@ -238,10 +238,8 @@ fn unloaded(belief: &Belief, plan: &Plan, places: &[usize]) -> Group {
     }
     Group {
         loads: vec![None],
-        station: None,
-        is_in_place: false,
-        is_as_unloaded: false,
         members,
+        ..Group::default()
     }
 }
 
@@ -371,21 +369,15 @@ pub(super) fn groups_of_visits(
         let is_one = |one: &&PlannedVisit, other: &&PlannedVisit| {
             (&one.loads, one.round) == (&other.loads, other.round)
         };
-        groups.extend(here.chunk_by(is_one).map(|group| {
-            Group {
-                loads: group[0].loads.clone(),
-                station: planning.stations()[station].clone(),
-                is_in_place: false,
-                is_as_unloaded: false,
-                members: (group.iter())
-                    .map(|visit| {
-                        (
-                            visit.rows.clone(),
-                            u32::try_from(visit.rows.len()).unwrap_or(1),
-                        )
-                    })
-                    .collect(),
-            }
+        let member = |visit: &&PlannedVisit| {
+            let readings = u32::try_from(visit.rows.len()).unwrap_or(1);
+            (visit.rows.clone(), readings)
+        };
+        groups.extend(here.chunk_by(is_one).map(|group| Group {
+            loads: group[0].loads.clone(),
+            station: planning.stations()[station].clone(),
+            members: group.iter().map(member).collect(),
+            ..Group::default()
         }));
     }
     groups

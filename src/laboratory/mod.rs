@@ -21,7 +21,6 @@ mod program;
 mod settings;
 pub mod sheet;
 mod side;
-mod targets;
 pub mod time;
 pub mod validation;
 mod ways;
@@ -31,10 +30,9 @@ pub use clearance::PathJudge;
 pub use dialect::{Dialect, DialectError};
 pub use groups::{AtGauge, Stop};
 pub use program::{
-    Program, ProgramFile, ProgramStep, change_load, hang_or_apply, hung_kg, program, set_gauge,
-    set_up, take_off,
+    Program, ProgramFile, ProgramStep, ProgramTarget, change_load, hang_or_apply, hung_kg, program,
+    program_to, set_gauge, set_up, take_off,
 };
 pub use settings::{Costs, Laboratory};
 pub use side::Side;
-pub use targets::{ProgramTarget, program_to};
 pub use ways::{Way, Ways};

@@ -5,7 +5,7 @@ use std::iter;
 
 use nalgebra::{DMatrix, Matrix6, SymmetricEigen, Vector3};
 
-use super::absolute::AbsoluteReading;
+use super::AbsoluteReading;
 use super::columns::{
     DEFLECTION_SIGMA, DISPLACEMENT_SIGMA, POSITION, QUATERNION, ROTATION_SIGMA, TEMPERATURE, TIME,
     WORDS, covariance_column, covariance_columns, deviations, rotation_of, triangle,
@@ -115,17 +115,9 @@ pub(super) fn absolute_readings(
 struct AbsoluteGroups {
     has_load: bool,
     is_pose: bool,
-    precision: ReadingPrecision,
+    has_covariance: bool,
     /// The columns that each kind has.
     of_kinds: Vec<(Option<LengthKind>, Vec<String>)>,
-}
-
-/// What a file says of how precise its readings are.
-#[derive(Clone, Copy)]
-enum ReadingPrecision {
-    None,
-    Deviations,
-    Covariance,
 }
 
 impl AbsoluteGroups {
@@ -143,23 +135,19 @@ impl AbsoluteGroups {
         let sigma = [DEFLECTION_SIGMA, ROTATION_SIGMA].concat();
         let has_deviations = table.has_group(&sigma[..if is_pose { 6 } else { 3 }])?;
         let covariance = all_covariances.iter().find(|column| table.has(&[column]));
-        let precision = match (has_deviations, covariance) {
-            (false, None) => ReadingPrecision::None,
-            (true, None) => ReadingPrecision::Deviations,
-            (true, Some(found)) => {
-                let problem = format!(
-                    "found {:?} and {found:?}: standard deviations or a covariance are allowed",
-                    DEFLECTION_SIGMA[0]
-                );
-                return Err(table.wrong_header(problem));
-            }
-            (false, Some(_)) => {
-                let is_asked = |column: &&str| is_pose || !of_rotation(column);
-                let asked: Vec<&str> = all_covariances.into_iter().filter(is_asked).collect();
-                table.has_group(&asked)?;
-                ReadingPrecision::Covariance
-            }
-        };
+        if let Some(found) = covariance.filter(|_| has_deviations) {
+            let problem = format!(
+                "found {:?} and {found:?}: standard deviations or a covariance are allowed",
+                DEFLECTION_SIGMA[0]
+            );
+            return Err(table.wrong_header(problem));
+        }
+        let has_covariance = covariance.is_some();
+        if has_covariance {
+            let is_asked = |column: &&str| is_pose || !of_rotation(column);
+            let asked: Vec<&str> = all_covariances.into_iter().filter(is_asked).collect();
+            table.has_group(&asked)?;
+        }
         let of_kinds = kinds().map(|kind| {
             let mut columns = columns_of(kind);
             columns.retain(|column| table.has(&[column]));
@@ -168,7 +156,7 @@ impl AbsoluteGroups {
         Ok(Self {
             has_load: table.has_group(&LOAD)?,
             is_pose,
-            precision,
+            has_covariance,
             of_kinds: of_kinds.collect(),
         })
     }
@@ -233,34 +221,26 @@ impl AbsoluteGroups {
         kind: Option<LengthKind>,
     ) -> Result<Option<Matrix6<f64>>, FileError> {
         let mut covariance = Matrix6::identity();
-        let of_lengths = if row.get(DISPLACEMENT_SIGMA).is_nan() {
-            ReadingPrecision::None
-        } else {
-            ReadingPrecision::Deviations
-        };
-        let precision = kind.map_or(self.precision, |_| of_lengths);
         let is_pose = self.is_pose && kind.is_none();
-        match precision {
-            ReadingPrecision::None => return Ok(None),
-            ReadingPrecision::Deviations => {
-                let own = kind.map_or(DEFLECTION_SIGMA, |_| [DISPLACEMENT_SIGMA; 3]);
-                let position = deviations(row, own, &DEVIATION)?;
-                let rotation = is_pose
-                    .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
-                    .transpose()?;
-                let rotation = rotation.iter().flat_map(|vector| vector.iter());
-                for (index, sigma) in position.iter().chain(rotation).enumerate() {
-                    covariance[(index, index)] = sigma * sigma;
-                }
+        let own = kind.map_or(DEFLECTION_SIGMA, |_| [DISPLACEMENT_SIGMA; 3]);
+        if !row.get(own[0]).is_nan() {
+            let position = deviations(row, own, &DEVIATION)?;
+            let rotation = is_pose
+                .then(|| deviations(row, ROTATION_SIGMA, &ROTATION_DEVIATION))
+                .transpose()?;
+            let rotation = rotation.iter().flat_map(|vector| vector.iter());
+            for (index, sigma) in position.iter().chain(rotation).enumerate() {
+                covariance[(index, index)] = sigma * sigma;
             }
-            ReadingPrecision::Covariance => {
-                for (one, other) in triangle(if is_pose { 6 } else { 3 }) {
-                    let value = row.get(&covariance_column(one, other)) * 1e-6;
-                    covariance[(one, other)] = value;
-                    covariance[(other, one)] = value;
-                }
-                definite(&covariance).map_err(|problem| row.wrong(problem))?;
+        } else if self.has_covariance && kind.is_none() {
+            for (one, other) in triangle(if is_pose { 6 } else { 3 }) {
+                let value = row.get(&covariance_column(one, other)) * 1e-6;
+                covariance[(one, other)] = value;
+                covariance[(other, one)] = value;
             }
+            definite(&covariance).map_err(|problem| row.wrong(problem))?;
+        } else {
+            return Ok(None);
         }
         Ok(Some(covariance))
     }

@@ -18,7 +18,7 @@ use crate::plan::{Feasibility, Plan, read_plan};
 use crate::record::messages::{PlanRowMessage, plan_messages};
 use crate::record::study::StudyPlanMessage;
 use crate::scenario::Scenario;
-use crate::study::{EntryKind, StudyError, repeated};
+use crate::study::{StudyError, repeated};
 use crate::workflow::evidence::distances;
 use published::{FIGURE_7, FIGURE_7_RANDOM};
 
@@ -163,14 +163,14 @@ fn figure_7(
     trials: u64,
     watch: Watch<'_>,
 ) -> Result<Vec<MeanDistance>, ReproductionError> {
-    let mut kinds = vec![("random".to_owned(), EntryKind::RandomEach)];
+    let mut plans = vec![("random".to_owned(), None)];
     let mut about = vec![(
         "a fresh random plan each run".to_owned(),
         Some(FIGURE_7_RANDOM),
     )];
     let mut add = |name: &str, plan: &Plan, description: String, printed: Option<f64>| {
         if let Some(plan) = repeated(plan, FIGURE_7_EXPERIMENTS) {
-            kinds.push((name.to_owned(), EntryKind::Fixed(plan)));
+            plans.push((name.to_owned(), Some(plan)));
             about.push((description, printed));
         }
     };
@@ -196,7 +196,7 @@ fn figure_7(
         }
     }
     let stop = Some(watch.stop);
-    let runs = distances(scenario, FIGURE_7_EXPERIMENTS, kinds, trials, stop)?;
+    let runs = distances(scenario, FIGURE_7_EXPERIMENTS, plans, trials, stop)?;
     let over_mean = |printed_um: f64| FIGURE_7_RANDOM / printed_um;
     let inverse = |[low, high]: [f64; 2]| [high.recip(), low.recip()];
     let all = about.into_iter().zip(runs);

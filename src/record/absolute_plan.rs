@@ -2,8 +2,7 @@
 
 use serde::Serialize;
 
-use super::length::LengthField;
-use super::messages::{PlanRowMessage, PlannedReadingMessage};
+use super::messages::{LengthField, PlanRowMessage, PlannedReadingMessage};
 use crate::plan::UncertaintyBudget;
 use crate::plan::absolute::{AbsolutePlanning, DrawnWanted, PredictedAccuracy};
 use crate::plan::search::{OfferedCandidates, PlanBound};

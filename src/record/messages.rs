@@ -3,26 +3,28 @@
 //! The command line's `--json`, results.json and the MCAP file share them. Numbers that do not
 //! exist (an unidentifiable compliance, an infinite condition number) are `null`.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::ser::SerializeMap;
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Map, Value, json};
 
-use super::length::LengthField;
 use crate::calibration::CompensatedPose;
 use crate::files::schema::RESULTS_VERSION;
 use crate::measurement::Measurement;
+use crate::observation::{LengthKind, ReadLength};
 use crate::plan::{Assessment, Criterion, Experiment, Plan, Violation};
 use crate::quantities::units;
 use crate::robot::{Approach, Commands, Load};
 use crate::scenario::Scenario;
 use crate::task::AccuracyKind;
-use crate::testbed::{RunTruth, SampledValue};
 use crate::{COMMIT, VERSION};
 
 /// What a JSON file holds and in which form, so that another version can tell.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct SchemaMessage {
     /// "elastocal." and the command that makes such results.
     pub name: String,
@@ -41,7 +43,7 @@ impl SchemaMessage {
 }
 
 /// Where an output comes from.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ProvenanceMessage {
     /// The version of elastocal.
     pub version: String,
@@ -119,7 +121,7 @@ pub fn platform() -> String {
 }
 
 /// One row of a plan: a configuration and a load.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PlanRowMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -139,7 +141,7 @@ pub struct PlanRowMessage {
 }
 
 /// What is read in a row of a plan of absolute readings, and from where.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct PlannedReadingMessage {
     /// The site that is read; null for the calibration tool.
     pub target: Option<String>,
@@ -148,6 +150,37 @@ pub struct PlannedReadingMessage {
     /// The nominal length that is read, where one is.
     #[serde(flatten)]
     pub length: LengthField,
+}
+
+/// A length (mm) under the key of its kind; no key where there is none. It is flattened into what has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LengthField(pub Option<ReadLength>);
+
+impl Serialize for LengthField {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut fields = serializer.serialize_map(None)?;
+        if let Some(ReadLength { kind, length_m }) = self.0 {
+            fields.serialize_entry(kind.column(), &(length_m * 1e3))?;
+        }
+        fields.end()
+    }
+}
+
+impl JsonSchema for LengthField {
+    fn schema_name() -> Cow<'static, str> {
+        "LengthField".into()
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let field = |kind: LengthKind| {
+            let what = format!("The {} that is read (mm), where one is.", kind.name());
+            let field =
+                json!({ "description": what, "type": ["number", "null"], "format": "double" });
+            (kind.column().to_owned(), field)
+        };
+        let fields: Map<_, _> = LengthKind::ALL.into_iter().map(field).collect();
+        json_schema!({ "type": "object", "properties": fields })
+    }
 }
 
 /// The experiments of a plan in their order.
@@ -172,7 +205,7 @@ impl PlanRowMessage {
 }
 
 /// One experiment's outcome.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct MeasurementMessage {
     /// The commanded joint angles (deg), and lengths (mm) of joints that slide.
     pub q_deg: Vec<f64>,
@@ -263,7 +296,7 @@ pub fn assessment_json(scenario: &Scenario, assessment: &Assessment) -> Value {
 }
 
 /// What compensation achieves at a test pose.
-#[derive(Debug, Clone, PartialEq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct TestPoseMessage {
     /// The test pose's name.
     pub name: String,
@@ -299,45 +332,6 @@ impl TestPoseMessage {
             rho0_mm: pose.predicted_m.as_ref().ok().map(|value| value * 1e3),
             uncompensated_xyz_mm: thousandfold(&pose.seen.uncompensated_m),
             residual_xyz_mm: thousandfold(&pose.seen.residual_m),
-        }
-    }
-}
-
-/// The simulated truth of a run on the virtual robot.
-#[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct TruthMessage {
-    /// The run's number.
-    pub run: u64,
-    /// The compliances of the identified joints (rad/(N m)).
-    pub compliance_rad_per_nm: Vec<f64>,
-    /// All that the run samples once; compliances as the logarithm of their ratio to the virtual robot's.
-    pub sampled: Vec<SampledValue>,
-    /// How far the load moved the tool in each measurement (mm, world frame), without the instrument's errors.
-    pub deflections_mm: Vec<[f64; 3]>,
-    /// The quantities that absolute readings identified, in their order.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub unknowns: Option<Vec<TrueUnknownMessage>>,
-}
-
-/// The simulated truth of what was identified.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct TrueUnknownMessage {
-    /// Its name.
-    pub name: String,
-    /// Its value; null where a run does not say it.
-    pub value: Option<f64>,
-}
-
-impl TruthMessage {
-    /// The record of a run's truth, with the compliances of these joints.
-    pub fn new(joints: impl IntoIterator<Item = usize>, truth: &RunTruth) -> Self {
-        let compliance = |joint: usize| truth.compliance_rad_per_nm[joint];
-        Self {
-            run: truth.run,
-            compliance_rad_per_nm: joints.into_iter().map(compliance).collect(),
-            sampled: truth.sampled.clone(),
-            deflections_mm: truth.deflections_m.iter().map(thousandfold).collect(),
-            unknowns: None,
         }
     }
 }

@@ -2,7 +2,6 @@
 //!
 //! - [`run`]: a plan that was carried out once; [`messages`]: the parts of it, the predicted accuracy of a plan, and where results come
 //!   from; `--json`, results.json and the MCAP file share them.
-//! - [`recorded`]: what recordings hold of a run.
 //! - [`model_selection`]: models with more and more parameters, compared.
 //! - [`selection`]: choices of readings, and what came of them.
 //! - [`study`]: a Monte Carlo study.
@@ -10,16 +9,13 @@
 //! - [`understanding`]: a robot as it was understood.
 //! - [`campaign`]: a plan as it is carried out in the laboratory.
 //! - [`absolute_plan`]: a plan of absolute readings; [`robot_trials`]: virtual robots on which one was tried.
-//! - [`evidence`]: what a plan is shown beside; [`length`]: a length that is read; [`joint_error_table`]: what joints are off by.
+//! - [`joint_error_table`]: what joints are off by.
 
 pub mod absolute_plan;
 pub mod campaign;
-pub mod evidence;
 pub mod joint_error_table;
-pub mod length;
 pub mod messages;
 pub mod model_selection;
-pub mod recorded;
 pub mod robot_trials;
 pub mod run;
 pub mod selection;

@@ -19,7 +19,7 @@ use crate::identification::ParameterGroup;
 use crate::scenario::Scenario;
 use crate::study::account::{Account, predicted_quantile95_m};
 use crate::study::runner::{PlanInStudy, Runner, block_runs};
-use crate::study::{Conditions, EntryKind, Level, tally::Tally};
+use crate::study::{Conditions, Level, TakenPlan, tally::Tally};
 use crate::task::AccuracyKind;
 
 /// What a study's numbers depend on; tallies of different headers do not add.
@@ -94,12 +94,12 @@ impl PlanHeader {
                 name: entry.name.clone(),
                 conditions: setting.conditions,
                 reference,
-                sha256: match &entry.kind {
-                    EntryKind::Readings(readings) => {
-                        Some(fingerprint(&readings.planning.readings(&readings.plan)))
+                sha256: entry.plan.as_ref().map(|plan| match plan {
+                    TakenPlan::Deflections(plan) => fingerprint(plan),
+                    TakenPlan::Readings(taken) => {
+                        fingerprint(&taken.planning.readings(&taken.plan))
                     }
-                    kind => kind.plan().map(fingerprint),
-                },
+                }),
                 account: has_account.then(|| Account::of_plan(plan)).flatten(),
                 // Machines of a cluster differ in last digits.
                 predicted_quantile95_m: predicted_quantile95_m(plan)

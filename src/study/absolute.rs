@@ -12,7 +12,7 @@ use nalgebra::{
 
 use super::tally::{FailedRun, Failure, Outcome};
 use super::virtual_readings::{ReadPlan, TargetReading, VirtualReadingError};
-use super::{Setting, StudiedReadings, StudyError};
+use super::{Setting, StudyError, TakenReadings};
 use crate::files::FileError;
 use crate::identification::{AbsoluteCase, AbsoluteFit, JointError, ReadingWeights};
 use crate::measurement::AbsoluteReading;
@@ -35,7 +35,7 @@ const COMPLIANCE_SPREAD: f64 = 0.1;
 #[derive(Debug)]
 pub struct ReadingRuns<'a> {
     pub(super) task: &'a Task,
-    studied: &'a StudiedReadings<'a>,
+    studied: &'a TakenReadings<'a>,
     /// What is predicted.
     pub prediction: PredictedAccuracy,
     predicted_m: f64,
@@ -101,7 +101,7 @@ impl<'a> ReadingRuns<'a> {
     /// It predicts nothing, or not what it reads.
     pub fn new(
         setting: &'a Setting<'_>,
-        studied: &'a StudiedReadings<'a>,
+        studied: &'a TakenReadings<'a>,
     ) -> Result<Self, StudyError> {
         let (task, planning) = (&setting.task, &studied.planning);
         let read = ReadPlan::new(planning, &studied.plan);
@@ -174,9 +174,6 @@ impl<'a> ReadingRuns<'a> {
     }
 
     /// One run under a seed: draws, reads, identifies, and looks.
-    ///
-    /// # Errors
-    /// What it failed by.
     pub fn run(
         &self,
         robots: &mut TrueRobots,
@@ -226,9 +223,6 @@ impl<'a> ReadingRuns<'a> {
     }
 
     /// What the instrument says of the robot of a run, each reading by itself: as a file of measurements has them.
-    ///
-    /// # Errors
-    /// The robot does not rest.
     pub fn measure(
         &self,
         robots: &mut TrueRobots,

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::deviations::Deviations;
 use super::runner::PlanInStudy;
-use super::{EntryKind, StudiedReadings, summary::Measured, verdict::Kept};
+use super::{TakenPlan, TakenReadings, summary::Measured, verdict::Kept};
 use crate::parameter::{ParameterKind, Source, Uncertainty};
 use crate::plan::absolute::PredictedAccuracy;
 use crate::plan::{
@@ -104,18 +104,18 @@ impl Account {
     /// or where the plan does not determine what the test poses need.
     pub fn of_plan(plan: PlanInStudy<'_>) -> Option<Self> {
         let (task, truth) = (&plan.setting.task, plan.setting.truth);
-        match &plan.entry.kind {
-            EntryKind::Readings(readings) => {
+        match plan.entry.plan.as_ref()? {
+            TakenPlan::Deflections(plan) => Self::new(task, truth, plan),
+            TakenPlan::Readings(readings) => {
                 Self::of_readings(task, truth, readings, plan.prediction?)
             }
-            kind => Self::new(task, truth, kind.plan()?),
         }
     }
 
     fn of_readings(
         task: &Task,
         truth: &Truth,
-        readings: &StudiedReadings<'_>,
+        readings: &TakenReadings<'_>,
         prediction: &PredictedAccuracy,
     ) -> Option<Self> {
         let (planning, plan) = (&readings.planning, &readings.plan);
@@ -292,9 +292,9 @@ fn with_earlier(task: &Task, truth: &Truth, gain: &DMatrix<f64>, name: &str) -> 
 /// The distance (m) that a plan of a study predicts 95 % of the runs to stay below; `None` as of its account.
 pub fn predicted_quantile95_m(plan: PlanInStudy<'_>) -> Option<f64> {
     let task = &plan.setting.task;
-    match plan.prediction {
-        Some(prediction) => prediction.quantile95_m,
-        None => quantile95_m(task, &posterior(&task.belief, plan.entry.kind.plan()?)),
+    match plan.entry.plan.as_ref()? {
+        TakenPlan::Deflections(plan) => quantile95_m(task, &posterior(&task.belief, plan)),
+        TakenPlan::Readings(_) => plan.prediction?.quantile95_m,
     }
 }
 

@@ -168,9 +168,6 @@ impl ReadingRuns<'_> {
     /// One run under a seed, to be shown: its readings are the means of what visits repeat alike; by how much the tool is elsewhere than
     /// the nominal robot has it at each test pose (m, of it what counts), in the frames that suit the readings best; and what the robot
     /// did, with the rows in the order of the run's readings.
-    ///
-    /// # Errors
-    /// What it failed by.
     pub fn shown(
         &self,
         robots: &mut TrueRobots,
@@ -183,33 +180,26 @@ impl ReadingRuns<'_> {
         let nominal = case.in_best_frames().map_err(no_fit)?;
         let frames = self.read.frames(robots, seed, run);
         let before_m = self.residuals(robots, &frames, &case, &nominal, &[])?;
-        let mut rows = self.rows(robots)?;
-        for (place, row) in rows.iter_mut().enumerate() {
+        let mut did = self.did(robots)?;
+        for (place, row) in did.rows.iter_mut().enumerate() {
             row.readings = place..place + 1;
         }
-        let test_poses = self.at_work(robots)?;
-        let did = CarriedOut { rows, test_poses }.off_by([&before_m, &read.residuals_m]);
+        let did = did.off_by([&before_m, &read.residuals_m]);
         Ok((read, before_m, did))
     }
 
-    /// What the robot of the run that was sampled last does.
-    ///
-    /// # Errors
-    /// It does not rest.
+    /// What the robot of the run that was sampled last does, with the rows in the plan's order.
     pub fn carried_out(&self, robots: &mut TrueRobots) -> Result<CarriedOut, FailedRun> {
-        let mut rows = self.rows(robots)?;
-        rows.sort_by_key(|row| row.readings.start);
-        let test_poses = self.at_work(robots)?;
-        Ok(CarriedOut { rows, test_poses })
+        let mut did = self.did(robots)?;
+        did.rows.sort_by_key(|row| row.readings.start);
+        Ok(did)
     }
 
-    fn rows(&self, robots: &mut TrueRobots) -> Result<Vec<CarriedOutRow>, FailedRun> {
+    /// The same with the rows by configuration.
+    fn did(&self, robots: &mut TrueRobots) -> Result<CarriedOut, FailedRun> {
         let rows = self.read.rows(&self.task.belief);
         let rows: Result<Vec<_>, _> = rows.map(|row| row.carried_out(robots)).collect();
-        rows.map_err(|error| Failure::Measurement.because(&error))
-    }
-
-    fn at_work(&self, robots: &mut TrueRobots) -> Result<Vec<[CarriedOutRow; 2]>, FailedRun> {
+        let rows = rows.map_err(|error| Failure::Measurement.because(&error))?;
         let at_work = |pose: &TestPose| {
             let place_m = robots.machining_tool_at_work(&pose.configuration_rad, pose);
             let place_m = place_m.map_err(|error| Failure::TestPose.because(&error))?;
@@ -217,7 +207,12 @@ impl ReadingRuns<'_> {
             let row = CarriedOutRow::at(pose, &pose.configuration_rad, [rest.clone(), rest]);
             Ok([row.clone(), row])
         };
-        self.task.test_poses.iter().map(at_work).collect()
+        let test_poses: Result<Vec<_>, FailedRun> =
+            self.task.test_poses.iter().map(at_work).collect();
+        Ok(CarriedOut {
+            rows,
+            test_poses: test_poses?,
+        })
     }
 }
 

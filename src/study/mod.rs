@@ -28,16 +28,17 @@ pub mod tally;
 pub mod verdict;
 pub mod virtual_readings;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use thiserror::Error;
 
+use crate::experiment::{Plan, read_plan, write_candidates, write_plan};
 use crate::files::FileError;
 use crate::identification::ParameterGroup;
-use crate::plan::Plan;
 use crate::plan::absolute::AbsolutePlanning;
-use crate::plan::search::CandidatePlan;
-use crate::task::Task;
+use crate::plan::search::{CandidatePlan, measurements_in};
+use crate::task::{AccuracyKind, Task};
 use crate::testbed::Truth;
 use tally::Failure;
 
@@ -50,8 +51,10 @@ pub struct Entry<'a> {
     pub name: String,
     /// The conditions that it is studied under, as an index.
     pub setting: usize,
-    /// What is measured in each run.
-    pub kind: EntryKind<'a>,
+    /// What is measured in each run; none where every run has a fresh random feasible plan.
+    pub plan: Option<TakenPlan<'a>>,
+    /// Whether it was drawn at random: others are compared with it.
+    pub is_random: bool,
 }
 
 /// The task under the conditions of a part of the study, and the virtual robot.
@@ -76,47 +79,75 @@ impl<'a> Setting<'a> {
     }
 }
 
-/// What is measured in each run.
+/// A plan, whatever is measured.
 #[derive(Debug, Clone)]
-pub enum EntryKind<'a> {
-    /// A plan of the scenario's or the search's choice.
-    Fixed(Plan),
-    /// One plan drawn at random for all runs.
-    Random(Plan),
-    /// A fresh random feasible plan in every run.
-    RandomEach,
-    /// A plan of absolute readings.
-    Readings(Arc<StudiedReadings<'a>>),
+pub enum TakenPlan<'a> {
+    /// Deflections.
+    Deflections(Plan),
+    /// Absolute readings.
+    Readings(Arc<TakenReadings<'a>>),
 }
 
-/// A plan of absolute readings that takes part in a study.
+/// A plan of absolute readings.
 #[derive(Debug)]
-pub struct StudiedReadings<'a> {
+pub struct TakenReadings<'a> {
     /// The readings that there may be.
     pub planning: AbsolutePlanning<'a>,
     /// The plan: candidates by their places, and how often each is read.
     pub plan: CandidatePlan,
     /// What is unknown besides what the belief says.
     pub groups: &'a [ParameterGroup],
-    /// Whether it was drawn at random.
-    pub is_random: bool,
 }
 
-impl EntryKind<'_> {
-    /// The plan of deflections, where all runs have the same.
-    pub const fn plan(&self) -> Option<&Plan> {
+impl<'a> TakenPlan<'a> {
+    /// The plan in a file, of what a task measures.
+    ///
+    /// # Errors
+    /// The file is none, or has readings that cannot be taken.
+    pub fn read(
+        task: &'a Task,
+        groups: &'a [ParameterGroup],
+        path: &Path,
+    ) -> Result<Self, FileError> {
+        if task.design.accuracy == AccuracyKind::Relative {
+            return read_plan(path, task.belief.commands()).map(Self::Deflections);
+        }
+        let planning = AbsolutePlanning::of_file(task, groups, path)?;
+        Ok(Self::of_readings(planning.whole(), planning, groups))
+    }
+
+    /// Absolute readings.
+    pub fn of_readings(
+        plan: CandidatePlan,
+        planning: AbsolutePlanning<'a>,
+        groups: &'a [ParameterGroup],
+    ) -> Self {
+        Self::Readings(Arc::new(TakenReadings {
+            planning,
+            plan,
+            groups,
+        }))
+    }
+
+    /// Writes it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, task: &Task, path: &Path) -> Result<(), FileError> {
+        let commands = task.belief.commands();
         match self {
-            Self::Fixed(plan) | Self::Random(plan) => Some(plan),
-            Self::RandomEach | Self::Readings(_) => None,
+            Self::Deflections(plan) => write_plan(path, commands, plan),
+            Self::Readings(taken) => {
+                write_candidates(path, commands, &taken.planning.rows(&taken.plan))
+            }
         }
     }
 
-    /// Whether others are compared with it.
-    pub fn is_random(&self) -> bool {
+    /// How often something is measured.
+    pub fn measurements(&self) -> u32 {
         match self {
-            Self::Fixed(_) => false,
-            Self::Random(_) | Self::RandomEach => true,
-            Self::Readings(readings) => readings.is_random,
+            Self::Deflections(plan) => plan.measurements(),
+            Self::Readings(taken) => measurements_in(&taken.plan),
         }
     }
 }
@@ -146,8 +177,8 @@ pub enum StudyError {
     #[error("a study needs at least one plan")]
     NoPlan,
     /// The virtual robot's model lacks something.
-    #[error("{0}")]
-    Model(String),
+    #[error(transparent)]
+    Model(#[from] FileError),
     /// It was asked to stop.
     #[error("the study was stopped")]
     Stopped,
@@ -165,12 +196,6 @@ pub enum StudyError {
         /// What the first failed by.
         first: String,
     },
-}
-
-impl From<FileError> for StudyError {
-    fn from(error: FileError) -> Self {
-        Self::Model(error.to_string())
-    }
 }
 
 /// The plan repeated as a whole until it has so many measurements; `None` where whole repetitions

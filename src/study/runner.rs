@@ -10,7 +10,7 @@ use super::absolute::ReadingRuns;
 use super::model_level::{LinearModel, PlanModel};
 use super::robot_level::{PreparedPlan, RobotRuns};
 use super::tally::{Batch, BlockSums, FailedRun, Failure, Tally};
-use super::{Entry, EntryKind, Level, Setting, StudyError};
+use super::{Entry, Level, Setting, StudyError, TakenPlan};
 use crate::numeric::random::normal::{LANES, fill_normals};
 use crate::numeric::random::streams::Stream;
 use crate::plan::Criterion;
@@ -108,14 +108,15 @@ impl<'a> Runner<'a> {
             .collect();
         let ready = |entry: &'a Entry<'a>| {
             let (setting, name) = (&settings[entry.setting], || entry.name.clone());
-            if let EntryKind::Readings(readings) = &entry.kind {
-                let runs = ReadingRuns::new(setting, readings)?;
-                // What the model lacks is told before the work.
-                runs.robots()?;
-                return Ok(ReadyPlan::Readings(Box::new(runs)));
-            }
-            let Some(plan) = entry.kind.plan() else {
-                return Ok(ReadyPlan::Deflections(None, None));
+            let plan = match &entry.plan {
+                None => return Ok(ReadyPlan::Deflections(None, None)),
+                Some(TakenPlan::Deflections(plan)) => plan,
+                Some(TakenPlan::Readings(readings)) => {
+                    let runs = ReadingRuns::new(setting, readings)?;
+                    // What the model lacks is told before the work.
+                    runs.robots()?;
+                    return Ok(ReadyPlan::Readings(Box::new(runs)));
+                }
             };
             let (found, expected) = (plan.measurements(), setting.conditions.experiments);
             if found != expected {
@@ -172,7 +173,7 @@ impl<'a> Runner<'a> {
     /// For each plan, the one that it is compared with: the first random one under the same conditions.
     pub fn references(&self) -> Vec<Option<usize>> {
         let reference = |each: &Entry<'_>| {
-            let is_it = |other: &Entry<'_>| other.setting == each.setting && other.kind.is_random();
+            let is_it = |other: &Entry<'_>| other.setting == each.setting && other.is_random;
             self.entries.iter().position(is_it)
         };
         self.entries.iter().map(reference).collect()

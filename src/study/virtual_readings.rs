@@ -73,9 +73,6 @@ pub struct VisitedRow<'a> {
 
 impl VisitedRow<'_> {
     /// Where the target is and its axes in a visit, under a load, as they are read without the instrument's own noise.
-    ///
-    /// # Errors
-    /// The robot does not rest.
     pub fn rest(
         &self,
         robots: &mut TrueRobots,
@@ -173,9 +170,6 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// Reads the robot of a run from instruments with these frames: each of the readings that visits repeat alike, so often.
-    ///
-    /// # Errors
-    /// The first row at which the robot does not rest.
     pub fn read(
         &self,
         task: &Task,
@@ -224,9 +218,6 @@ impl<'a> ReadPlan<'a> {
     }
 
     /// All readings of the robot of a run, each with the instrument's own covariance, in the order of the plan's rows.
-    ///
-    /// # Errors
-    /// The first row at which the robot does not rest.
     pub fn readings(
         &self,
         task: &Task,

@@ -145,8 +145,10 @@ impl MujocoRest {
 
 impl RestingBody for MujocoRest {
     fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
-        // The joints are held: `new` has seen that.
-        let _ = self.become_compliant(compliance_rad_per_nm);
+        if self.compliance != compliance_rad_per_nm {
+            // The joints are held: `new` has seen that.
+            let _ = self.become_compliant(compliance_rad_per_nm);
+        }
     }
 
     fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
@@ -209,7 +211,7 @@ impl RestingBody for MujocoRest {
         self.state.site(site)
     }
 
-    fn state(&self) -> &State {
+    fn simulation(&self) -> &State {
         &self.state
     }
 }

@@ -178,12 +178,6 @@ impl Circumstances {
         .collect()
     }
 
-    /// Whether joints hold by laws that each run draws.
-    pub fn draws_laws(&self) -> bool {
-        let is_law = |kind| matches!(kind, ParameterKind::JointStiffening { .. });
-        self.set.parameters().iter().any(|each| is_law(each.kind))
-    }
-
     /// The laws by which joints hold in this run, whose compliances are these (rad/(N m)).
     pub fn torque_laws(&self, compliance_rad_per_nm: &[f64]) -> Vec<(usize, TorqueLaw)> {
         let law = |joint: usize| {
@@ -219,12 +213,6 @@ impl Circumstances {
             .filter(|((place, _), _)| *place == index)
             .map(|((_, deviation), normal)| deviation * normal[lane])
             .sum()
-    }
-
-    /// How many times a joint's compliance is what is said of it.
-    pub fn compliance_factor(&self, joint: usize) -> f64 {
-        self.difference(ParameterKind::JointCompliance { joint })
-            .exp()
     }
 
     /// The load that acts at a test pose where this one is said to.
@@ -295,9 +283,6 @@ impl Circumstances {
 
     /// Measures a plan on a virtual robot in this laboratory, without the instrument's own noise.
     /// `normals` are those of [`Self::draw`].
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn measure(
         &self,
         robot: &mut VirtualRobot,
@@ -438,9 +423,6 @@ impl Visit<'_> {
     }
 
     /// How far a virtual robot's tool moves.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn displacement(&self, robot: &mut VirtualRobot) -> Result<Displacement, MeasurementError> {
         let [unloaded, loaded] = &self.commanded_rad;
         robot.displacement_between(self.number, (unloaded, loaded), &self.load)

@@ -15,9 +15,6 @@ pub(super) const OF_ONE_READING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 impl VirtualRobot {
     /// Measures every experiment of a plan as often as it says, without noise.
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn measure_noise_free(
         &mut self,
         plan: &Plan,

@@ -28,24 +28,27 @@ const SLOW: f64 = 0.05;
 const WEIGHTLESS: f64 = 1e-9;
 
 /// How equilibria are found, with the last of them.
-pub(super) trait RestingBody: std::fmt::Debug + Send + Sync {
+pub trait RestingBody: std::fmt::Debug + Send + Sync {
     /// Replaces the compliances of the belief's joints (rad/(N m)).
     fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]);
     /// Lets joints hold by laws of their own, by the belief's numbers of them; those that it has.
     fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]);
-    /// Makes the robot another than the model says.
+    /// Makes the robot a run's, which differs from the model in this alone.
+    ///
+    /// # Errors
+    /// A site is missing.
     fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError>;
     /// Lets the robot come to rest at the commands of the belief's joints (rad, m).
     fn rest(&mut self, commanded: &[f64], load: &Load) -> Result<Equilibrium, EquilibriumError>;
     /// The tool's position (m) and axes.
     fn tool(&self) -> (Vector3<f64>, Matrix3<f64>);
-    /// The position (m) and axes of another site, as it came to rest last.
+    /// The position (m) and axes in the world frame of another site, by its place in the model, as it came to rest last.
     fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>);
     /// The coordinates of the belief's joints that it has (rad, m).
     fn joint_angles(&self) -> Vec<f64>;
-    /// MuJoCo's simulation.
-    fn state(&self) -> &State;
-    /// How far the model's equality constraints give way under its load.
+    /// MuJoCo's simulation at the last equilibrium's coordinates; of a plain chain its poses are those of Newton's last step but one.
+    fn simulation(&self) -> &State;
+    /// How far the model's equality constraints give way at the last equilibrium, found under this load.
     fn giving_way(&mut self, load: &Load) -> Vec<GivingWay>;
 }
 

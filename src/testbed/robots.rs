@@ -3,8 +3,7 @@
 use nalgebra::{DVector, Matrix3, Vector3};
 
 use super::circumstances::{Circumstances, ReadingNumbers, Visit};
-use super::true_compliances::values_of_run;
-use super::truth::{RunTruth, Truth};
+use super::truth::{RunTruth, Truth, values_of_run};
 use super::virtual_robot::{MeasurementError, VirtualRobot};
 use crate::experiment::{Experiment, Plan};
 use crate::files::FileError;
@@ -45,6 +44,8 @@ pub struct TrueRobots {
     targets: Vec<(String, usize)>,
     laboratory: Circumstances,
     compliance_rad_per_nm: Vec<f64>,
+    /// The joints that are identified.
+    identified: Vec<usize>,
     /// The normal numbers of the run that it was made last.
     normals: Vec<[f64; LANES]>,
     /// Whether the last run's differed from the model.
@@ -95,6 +96,7 @@ impl TrueRobots {
             bodies: [with(calibration)?, with(&belief.machining_tool.name)?],
             targets: others.map(site).collect::<Result<_, FileError>>()?,
             compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
+            identified: belief.parameters.clone(),
             robot: robot.clone(),
             laboratory: laboratory.resting_on(unloaded),
             normals: Vec::new(),
@@ -143,7 +145,8 @@ impl TrueRobots {
         if !self.laboratory.is_certain() {
             self.laboratory.draw(kept, normals, lane);
             for (joint, compliance) in self.compliance_rad_per_nm.iter_mut().enumerate() {
-                *compliance *= self.laboratory.compliance_factor(joint);
+                let kind = ParameterKind::JointCompliance { joint };
+                *compliance *= self.laboratory.difference(kind).exp();
             }
             let changes = self.laboratory.model_changes();
             if self.is_changed || !changes.is_empty() {
@@ -153,15 +156,13 @@ impl TrueRobots {
                 self.is_changed = !changes.is_empty();
             }
         }
-        let laws = self.laboratory.draws_laws().then(|| {
-            let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
-            laws.extend(&self.robot.torque_laws);
-            laws
-        });
+        let mut laws = self.laboratory.torque_laws(&self.compliance_rad_per_nm);
+        let draws_laws = !laws.is_empty();
+        laws.extend(&self.robot.torque_laws);
         for body in &mut self.bodies {
             body.set_compliance(&self.compliance_rad_per_nm);
-            if let Some(laws) = &laws {
-                body.set_torque_laws(laws);
+            if draws_laws {
+                body.set_torque_laws(&laws);
             }
         }
         Ok(())
@@ -202,9 +203,6 @@ impl TrueRobots {
     }
 
     /// The truth of the run that the robot was made that of, for a plan that is measured in it.
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn truth(
         &mut self,
         plan: &Plan,
@@ -228,11 +226,14 @@ impl TrueRobots {
 
     /// The same of a run in which nothing is loaded and read again.
     pub fn sampled(&self, run: u64) -> RunTruth {
+        let identified = self.identified.iter();
         RunTruth {
             run,
-            deflections_m: Vec::new(),
-            compliance_rad_per_nm: self.compliance_rad_per_nm.clone(),
+            compliance_rad_per_nm: identified
+                .map(|&joint| self.compliance_rad_per_nm[joint])
+                .collect(),
             sampled: self.laboratory.sampled(),
+            ..RunTruth::default()
         }
     }
 
@@ -295,9 +296,6 @@ impl TrueRobots {
     }
 
     /// Measures a plan in this run's laboratory, without the instrument's own noise.
-    ///
-    /// # Errors
-    /// The first experiment that has no stable equilibrium.
     pub fn measure_noise_free(
         &mut self,
         plan: &Plan,
@@ -314,9 +312,6 @@ impl TrueRobots {
 
     /// Where a target is (m, world frame) and its axes, as they are read without the instrument's own noise in the run that
     /// [`Self::become_run_of`] named last. The experiment's load hangs on the calibration tool.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn read(
         &mut self,
         experiment: &Experiment,
@@ -343,9 +338,6 @@ impl TrueRobots {
 
     /// Where the machining tool rests (m) if a controller commands these angles (rad), under what acts in this run where
     /// a test pose says what acts there. A load that is given in the tool's frame turns with this robot's tool.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn machining_tool_at_work(
         &mut self,
         commanded_rad: &DVector<f64>,
@@ -356,9 +348,6 @@ impl TrueRobots {
     }
 
     /// Where the machining tool rests (m), with its axes, if a controller commands these angles (rad).
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn machining_tool(
         &mut self,
         commanded_rad: &DVector<f64>,

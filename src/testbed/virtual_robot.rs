@@ -1,6 +1,8 @@
 //! The robot in MuJoCo: static equilibria without linearisation. A plain chain's follow from MuJoCo's
 //! position stage and the joints' elastic law, any other model's from MuJoCo's forward dynamics.
 
+use std::ops::{Deref, DerefMut};
+
 use nalgebra::{DVector, Matrix3, Vector3};
 use thiserror::Error;
 
@@ -9,7 +11,6 @@ use super::chain::ChainRest;
 use super::rest::RestingBody;
 use crate::experiment::Experiment;
 use crate::files::FileError;
-use crate::mujoco::{GivingWay, ModelChange, State, TorqueLaw};
 use crate::robot::{Equilibrium, EquilibriumError, Load, TrueRobot, rotation_vector};
 
 /// The tool's motion from the unloaded to the loaded equilibrium, in the world frame.
@@ -39,9 +40,20 @@ pub struct MeasurementError {
 
 /// A compliant robot in MuJoCo with one tool mounted.
 #[derive(Debug)]
-pub struct VirtualRobot {
-    body: Box<dyn RestingBody>,
-    compliance_rad_per_nm: Vec<f64>,
+pub struct VirtualRobot(Box<dyn RestingBody>);
+
+impl Deref for VirtualRobot {
+    type Target = dyn RestingBody;
+
+    fn deref(&self) -> &Self::Target {
+        &*self.0
+    }
+}
+
+impl DerefMut for VirtualRobot {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut *self.0
+    }
 }
 
 impl VirtualRobot {
@@ -52,10 +64,7 @@ impl VirtualRobot {
     pub fn new(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
         let site_id = robot.model.site(site)?;
         match &robot.chain {
-            Ok(chain) => Ok(Self {
-                body: Box::new(ChainRest::new(robot, chain, site_id)),
-                compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
-            }),
+            Ok(chain) => Ok(Self(Box::new(ChainRest::new(robot, chain, site_id)))),
             Err(_) => Self::of_any_model(robot, site),
         }
     }
@@ -66,74 +75,23 @@ impl VirtualRobot {
     /// # Errors
     /// The model has no such site.
     pub fn of_any_model(robot: &TrueRobot, site: &str) -> Result<Self, FileError> {
-        Ok(Self {
-            body: Box::new(MujocoRest::new(robot, site)?),
-            compliance_rad_per_nm: robot.compliance_rad_per_nm.clone(),
-        })
-    }
-
-    /// Replaces the joints' compliances (rad/(N m)).
-    pub fn set_compliance(&mut self, compliance_rad_per_nm: &[f64]) {
-        if self.compliance_rad_per_nm != compliance_rad_per_nm {
-            self.compliance_rad_per_nm
-                .copy_from_slice(compliance_rad_per_nm);
-            self.body.set_compliance(compliance_rad_per_nm);
-        }
-    }
-
-    /// Lets joints hold by laws of their own, by the belief's numbers of them.
-    pub fn set_torque_laws(&mut self, laws: &[(usize, TorqueLaw)]) {
-        self.body.set_torque_laws(laws);
-    }
-
-    /// Makes the robot a run's, which differs from the model in this alone.
-    ///
-    /// # Errors
-    /// A site is missing.
-    pub fn change(&mut self, robot: &TrueRobot, changes: &[ModelChange]) -> Result<(), FileError> {
-        self.body.change(robot, changes)
+        Ok(Self(Box::new(MujocoRest::new(robot, site)?)))
     }
 
     /// The static equilibrium at the commanded angles (rad) under a load: position (m) and axes of
     /// the tool in the world frame, and how it was found.
-    ///
-    /// # Errors
-    /// There is no stable equilibrium.
     pub fn rest(
         &mut self,
         commanded_rad: &DVector<f64>,
         load: &Load,
     ) -> Result<(Vector3<f64>, Matrix3<f64>, Equilibrium), EquilibriumError> {
-        let equilibrium = self.body.rest(commanded_rad.as_slice(), load)?;
-        let (position, rotation) = self.body.tool();
+        let equilibrium = self.0.rest(commanded_rad.as_slice(), load)?;
+        let (position, rotation) = self.tool();
         Ok((position, rotation, equilibrium))
-    }
-
-    /// The position (m) and axes in the world frame of another site of its model, by its place there, at the last equilibrium.
-    pub fn site(&mut self, site: usize) -> (Vector3<f64>, Matrix3<f64>) {
-        self.body.site(site)
-    }
-
-    /// The angles of the belief's joints at the last equilibrium (rad).
-    pub fn joint_angles(&self) -> Vec<f64> {
-        self.body.joint_angles()
-    }
-
-    /// MuJoCo's simulation at the last equilibrium's coordinates; of a plain chain its poses are those of Newton's last step but one.
-    pub fn simulation(&self) -> &State {
-        self.body.state()
-    }
-
-    /// How far the model's equality constraints give way at the last equilibrium, found under this load.
-    pub fn giving_way(&mut self, load: &Load) -> Vec<GivingWay> {
-        self.body.giving_way(load)
     }
 
     /// The tool's displacement from the unloaded to the loaded equilibrium: the virtual measurement
     /// before noise. `number` is the experiment's place in its plan, for the error.
-    ///
-    /// # Errors
-    /// One of the two states has no stable equilibrium.
     pub fn displacement(
         &mut self,
         number: usize,
@@ -144,9 +102,6 @@ impl VirtualRobot {
     }
 
     /// The same where the unloaded and the loaded robot are commanded different angles (rad).
-    ///
-    /// # Errors
-    /// One of the two states has no stable equilibrium.
     pub fn displacement_between(
         &mut self,
         number: usize,

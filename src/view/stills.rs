@@ -19,6 +19,7 @@ use crate::plan::{Experiment, Plan};
 use crate::record::messages::{ProvenanceMessage, merge};
 use crate::robot::Load;
 use crate::scenario::Scenario;
+use crate::study::TakenPlan;
 use crate::text::wording::counted;
 
 /// The width of a still and the space between stills (px).
@@ -51,8 +52,12 @@ impl<'a> Stills<'a> {
         Self::new(scenario, plan.clone(), Vec::new())
     }
 
-    /// Of a plan of absolute readings, each so often: with what is read, and from where.
-    pub fn of_readings(scenario: &'a Scenario, readings: &[(&'a Candidate, u32)]) -> Self {
+    /// Of a plan, whatever is measured: of absolute readings with what is read, and from where.
+    pub fn of_taken(scenario: &'a Scenario, plan: &'a TakenPlan<'_>) -> Self {
+        let readings = match plan {
+            TakenPlan::Deflections(plan) => return Self::of_plan(scenario, plan),
+            TakenPlan::Readings(taken) => taken.planning.readings(&taken.plan),
+        };
         let experiments = (readings.iter()).map(|(row, repeats)| row.experiment(*repeats));
         let experiments = experiments.collect();
         let rows = readings.iter().map(|(row, _)| *row).collect();

@@ -3,16 +3,17 @@
 use crate::calibration::rms_m;
 use crate::identification::{AbsoluteMessage, IdentificationMessage};
 use crate::quantities::units::shown_unit;
-use crate::record::messages::{TestPoseMessage, TruthMessage};
+use crate::record::messages::TestPoseMessage;
 use crate::record::study::StudyPlanMessage;
 use crate::study::account::Contribution;
+use crate::testbed::RunTruth;
 use crate::text::table::RecordTable;
 use crate::text::wording::{dash, inverse_interval, joined, number, percent};
 use crate::view::markup::micro_sign;
 use crate::workflow::run::TriedPlan;
 
 /// The identified compliances beside the simulated truth; `unit` is a millionth of SI's.
-pub fn compliances(found: &IdentificationMessage, truth: &TruthMessage, unit: &str) -> RecordTable {
+pub fn compliances(found: &IdentificationMessage, truth: &RunTruth, unit: &str) -> RecordTable {
     let micro = |value: Option<f64>| number(value.map(|value| value * 1e6), 4);
     let rows = (found.parameters.iter().enumerate()).map(|(index, name)| {
         let interval = found.compliance_ci95_rad_per_nm[index];
@@ -81,7 +82,7 @@ pub fn contributions(parts: &[Contribution]) -> RecordTable {
 }
 
 /// What was identified from absolute readings, frames left out, beside the simulated truth of the run.
-pub fn unknowns(found: &AbsoluteMessage, truth: &TruthMessage) -> RecordTable {
+pub fn unknowns(found: &AbsoluteMessage, truth: &RunTruth) -> RecordTable {
     let truths = truth.unknowns.iter().flatten().map(|each| each.value);
     let unknowns = found.unknowns.iter().zip(truths);
     let known = unknowns.filter(|(unknown, _)| !found.is_of_frame(&unknown.name));

@@ -1,17 +1,16 @@
 //! An identified robot, from deflections or absolute readings: what is exported, and what is compensated with.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Isometry3};
 use serde::Serialize;
 
-use super::known_parameters::{IdentifiedStation, identified_stations, known};
-use super::target_accuracy::{KnownPlaces, TargetAccuracy};
+use super::target_accuracy::{KnownPlaces, TargetAccuracy, known};
 use crate::calibration::{
     CalibrationError, CompensatedPose, compensate_poses, compensate_poses_by,
 };
 use crate::compensation::{KnownArm, compensate_arm, predicted_error, uncompensated_rows};
 use crate::files::FileError;
 use crate::identification::{
-    DiscrepancyModel, IdentificationError, JointError, ReadRanges, StoredRobot,
+    DiscrepancyModel, IdentificationError, JointError, MountedFrameMessage, ReadRanges, StoredRobot,
 };
 use crate::numeric::posterior::Posterior;
 use crate::observation::PlannedReadings;
@@ -66,7 +65,7 @@ pub struct CalibratedRobot {
     /// The angles that were read, where errors elsewhere are not known.
     pub read_ranges: ReadRanges,
     /// Where the instrument stood; nowhere if deflections were measured, which do not tell.
-    pub stations: Vec<IdentifiedStation>,
+    pub stations: Vec<MountedFrameMessage>,
     /// What test poses depend on, where that is no belief's unknowns, whose values are what was identified,
     set: Option<ParameterSet>,
     /// and what is known of it.
@@ -146,14 +145,13 @@ impl CalibratedRobot {
             *link_from_tool = target.frame(link_from_tool);
             found_tools[place] = true;
         }
-        let stations = identified_stations(stored);
         let tools: Vec<Option<usize>> = places.iter().copied().map(Some).collect();
         let kinds = stored.kinds(&reference, &[], &tools);
         let apart = (message.unknowns.iter().zip(&kinds))
             .filter_map(|(unknown, kind)| {
                 said_apart((*kind)?, &unknown.name, unknown.value, &unknown.unit)
             })
-            .chain(stations.iter().map(told_station))
+            .chain(message.stations.iter().map(told_station))
             .chain(message.discrepancy_model.as_ref().map(|found| {
                 let joints: Vec<&str> = found.joints.iter().map(|each| &*each.joint).collect();
                 format!(
@@ -169,7 +167,7 @@ impl CalibratedRobot {
             .map(|(_, each)| each.name.clone())
             .collect();
         let (set, posterior) = known(stored, (&reference, belief), &kinds)?;
-        let known_places = KnownPlaces::new(stored, (&reference, belief), (&stations, &tools))?;
+        let known_places = KnownPlaces::new(stored, (&reference, belief), &tools)?;
         let arm = stored.apply(&reference)?;
         let with_joint_errors = match stored.beside_joint_errors() {
             None => None,
@@ -197,7 +195,7 @@ impl CalibratedRobot {
             covariance: stored.covariance.clone(),
             apart,
             taken_as_believed,
-            stations,
+            stations: message.stations.clone(),
             set: Some(set),
             posterior,
             known_places: Some(known_places),
@@ -234,9 +232,6 @@ impl CalibratedRobot {
 
     /// How far a tool that is commanded so is from its target in the frame of a station, by its place, or of the robot's base; `None` where that
     /// depends on what was not determined, and after deflections, which do not tell where tools stand.
-    ///
-    /// # Errors
-    /// The arm has no equilibrium there.
     pub fn target_accuracy(
         &self,
         tool: usize,
@@ -320,9 +315,10 @@ fn said_apart(kind: ParameterKind, name: &str, value: f64, unit: &str) -> Option
     Some(format!("{name} = {value:.6e} {unit}: {reason}"))
 }
 
-fn told_station(station: &IdentifiedStation) -> String {
-    let at = station.instrument_from_base.translation.vector * 1e3;
-    let [x, y, z, w] = station.instrument_from_base.rotation.coords.into();
+fn told_station(station: &MountedFrameMessage) -> String {
+    let frame = station.frame(&Isometry3::identity());
+    let at = frame.translation.vector * 1e3;
+    let [x, y, z, w] = frame.rotation.coords.into();
     let of =
         (station.name.as_ref()).map_or_else(String::new, |name| format!(" at station {name:?}"));
     format!(

@@ -7,9 +7,7 @@
 //! - [`study`]: the plans of a study, and what its runs come to.
 //! - [`identify`]: compliances or a robot from what was measured, with residuals and likely mistakes.
 //! - [`calibrated`]: the robot as an identification left it.
-//! - [`known_parameters`]: what its file says of its parameters.
 //! - [`target_accuracy`]: how far its tools are from absolute targets.
-//! - [`ranges`]: what was read beyond what an instrument shows.
 //! - [`export`]: the calibrated robot as a model's file.
 //! - [`validate_absolute`]: other readings beside it.
 
@@ -19,8 +17,6 @@ pub mod evidence;
 pub mod export;
 pub mod identify;
 pub mod init;
-pub mod known_parameters;
-pub mod ranges;
 pub mod run;
 pub mod study;
 pub mod target_accuracy;

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use super::design::Designed;
-use super::evidence::gather;
+use super::evidence::{EvidenceMessage, gather};
 use super::identify::{IdentifiedRobot, basis, identify_absolute};
 use crate::calibration::{
     Calibration, CalibrationError, CompensatedPose, SeenPose, calibrate, pose_conditions, rms_m,
@@ -31,19 +31,17 @@ use crate::plan::search::{
     median_random_plan, random_plan, repeats_needed,
 };
 use crate::record::absolute_plan::{AbsolutePlanMessage, planned_readings};
-use crate::record::evidence::EvidenceMessage;
 use crate::record::messages::{
-    PlanRowMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, TrueUnknownMessage,
-    TruthMessage, assessment_json, results,
+    PlanRowMessage, ProvenanceMessage, SchemaMessage, TestPoseMessage, assessment_json, results,
 };
 use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::robot::EquilibriumError;
 use crate::scenario::Scenario;
 use crate::study::absolute::ReadingRuns;
 use crate::study::carried_out::CarriedOut;
-use crate::study::{Conditions, Setting, StudiedReadings};
+use crate::study::{Conditions, Setting, TakenReadings};
 use crate::task::{Task, TestPose};
-use crate::testbed::TrueRobots;
+use crate::testbed::{RunTruth, TrueRobots, TrueUnknown};
 use crate::understanding::implausible;
 
 /// So many random plans stand for what a laboratory without a plan would do.
@@ -200,7 +198,13 @@ fn calibrate_all(
         match calibrate(task, &scenario.truth, &plan, scenario.seed, RUN) {
             Ok(calibration) => tried.push(TriedPlan {
                 assessment,
-                record: RunMessage::of_deflections(&task.belief, &name, &calibration),
+                record: RunMessage::of_deflections(
+                    task,
+                    &scenario.truth,
+                    scenario.seed,
+                    &name,
+                    &calibration,
+                )?,
                 calibration,
                 is_random: index == known,
             }),
@@ -276,8 +280,6 @@ pub struct AbsoluteRun<'a> {
     pub identified: IdentifiedRobot<'a>,
     /// What that achieves at each test pose; without compensation, the nominal robot in the frames that suit the readings best.
     pub poses: Vec<CompensatedPose>,
-    /// What the robot did.
-    pub carried_out: CarriedOut,
     /// The median of what random plans of the same candidates predict (m), if there is one.
     pub random_rho0_m: Option<f64>,
 }
@@ -313,11 +315,10 @@ pub fn run_absolute<'a>(
     stage(&RunStage::Calibrating);
     let rows = planning.rows(&found.plan);
     let read = AbsolutePlanning::of_plan(task, groups, &rows).map_err(no_plan)?;
-    let studied = StudiedReadings {
+    let studied = TakenReadings {
         plan: read.whole(),
         planning: read,
         groups,
-        is_random: false,
     };
     let conditions = Conditions::plain(task, size.measurements);
     let setting = Setting::new(task, &scenario.truth, conditions);
@@ -354,10 +355,9 @@ pub fn run_absolute<'a>(
             (&robots, RUN),
             ("optimal", plan),
             (case, fit, &poses),
-            readings.clone(),
+            (readings.clone(), did.off_by([&before_m, &after_m])),
         ),
         readings,
-        carried_out: did.off_by([&before_m, &after_m]),
         identified,
         poses,
         random_rho0_m: random.map_err(none).ok(),
@@ -397,17 +397,14 @@ fn compensated(
 }
 
 /// One run of a study of absolute readings, with all that its robot did.
-///
-/// # Errors
-/// What it failed by.
 pub fn replay_readings(
     scenario: &Scenario,
     setting: &Setting<'_>,
     name: &str,
-    studied: &StudiedReadings<'_>,
+    studied: &TakenReadings<'_>,
     seed: u64,
     number: u64,
-) -> anyhow::Result<(RunMessage, CarriedOut)> {
+) -> anyhow::Result<RunMessage> {
     let (task, belief) = (&setting.task, &setting.task.belief);
     let runs = ReadingRuns::new(setting, studied)?;
     let mut robots = runs.robots()?;
@@ -417,14 +414,14 @@ pub fn replay_readings(
     let poses = compensated(task, (&case, &run.fit), &runs.prediction, seen_m)?;
     let plan = planned_readings(task, &studied.planning, &studied.plan);
     let found = (&case, &run.fit, poses.as_slice());
-    let record = record(
+    let carried_out = (run.readings, carried_out);
+    Ok(record(
         scenario,
         (&robots, number),
         (name, plan),
         found,
-        run.readings,
-    );
-    Ok((record, carried_out))
+        carried_out,
+    ))
 }
 
 /// What is kept of a run: the plan, what its robot truly was, what it was found to be, and what that achieves.
@@ -433,10 +430,10 @@ fn record(
     (robots, number): (&TrueRobots, u64),
     (name, plan): (&str, Vec<PlanRowMessage>),
     (case, fit, poses): (&AbsoluteCase<'_>, &AbsoluteFit, &[CompensatedPose]),
-    readings: Vec<AbsoluteReading>,
+    (readings, did): (Vec<AbsoluteReading>, CarriedOut),
 ) -> RunMessage {
     let belief = &scenario.task.belief;
-    let (commands, joints) = (belief.commands(), belief.parameters.iter().copied());
+    let commands = belief.commands();
     let pose = |pose| TestPoseMessage::new(&commands, pose);
     let mut conditions = fit.conditions();
     conditions.extend(pose_conditions(belief, poses));
@@ -447,21 +444,18 @@ fn record(
             measurements: readings,
             identification: Box::new(AbsoluteMessage::new(case, fit)),
         },
-        truth: TruthMessage {
+        truth: RunTruth {
             unknowns: Some(true_unknowns(scenario, robots, fit)),
-            ..TruthMessage::new(joints, &robots.sampled(number))
+            ..robots.sampled(number)
         },
         test_poses: poses.iter().map(pose).collect(),
         conditions,
+        did,
     }
 }
 
 /// The true quantities of what was identified, in this run.
-fn true_unknowns(
-    scenario: &Scenario,
-    robots: &TrueRobots,
-    fit: &AbsoluteFit,
-) -> Vec<TrueUnknownMessage> {
+fn true_unknowns(scenario: &Scenario, robots: &TrueRobots, fit: &AbsoluteFit) -> Vec<TrueUnknown> {
     let belief = &scenario.task.belief;
     // Of another model than the nominal one a run says compliances alone. Zeros that are left out as redundant are in the frames,
     // and with links in these, too.
@@ -477,7 +471,7 @@ fn true_unknowns(
         kind if !is_said || kind.is_mounted() => None,
         _ => Some(parameter.quantity(&fit.reference, robots.value(belief, parameter))),
     };
-    let unknown = |parameter: &Parameter| TrueUnknownMessage {
+    let unknown = |parameter: &Parameter| TrueUnknown {
         name: parameter.name.clone(),
         value: value(parameter),
     };

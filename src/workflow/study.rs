@@ -1,6 +1,5 @@
 //! The plans of a study, and what its runs come to.
 
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde_json::{Value, json};
@@ -22,8 +21,7 @@ use crate::scenario::Scenario;
 use crate::study::runner::Runner;
 use crate::study::tally::Tally;
 use crate::study::{
-    Conditions, Entry, EntryKind, Level, Setting, StudiedReadings, StudyError, StudyPlan,
-    StudySource, repeated,
+    Conditions, Entry, Level, Setting, StudyError, StudyPlan, StudySource, TakenPlan,
 };
 use crate::task::{AccuracyKind, Task};
 
@@ -89,7 +87,7 @@ pub fn entries<'a>(
             if !plan.source.fits(setting.conditions.experiments) {
                 continue;
             }
-            let kind = match setting.task.design.accuracy {
+            let taken = match setting.task.design.accuracy {
                 AccuracyKind::Relative => {
                     let sigma_m = setting.conditions.sigma_m;
                     let known = entries.iter().find(|entry| {
@@ -103,8 +101,9 @@ pub fn entries<'a>(
                             && !follows_sigma(&plan.source, &setting.task)
                     });
                     match known {
-                        Some(entry) => entry.kind.clone(),
-                        None => entry_kind(scenario, setting, plan, design)?,
+                        Some(entry) => entry.plan.clone(),
+                        None => (deflections_of(scenario, setting, plan, design)?)
+                            .map(TakenPlan::Deflections),
                     }
                 }
                 AccuracyKind::Absolute => {
@@ -114,13 +113,14 @@ pub fn entries<'a>(
                         let problem = format!("plan {:?}: {}", plan.name, wrong.problem);
                         FileError { problem, ..wrong }
                     })?;
-                    EntryKind::Readings(Arc::new(readings))
+                    Some(readings)
                 }
             };
             entries.push(Entry {
                 name: plan.name.clone(),
                 setting: index,
-                kind,
+                plan: taken,
+                is_random: matches!(plan.source, StudySource::Random | StudySource::RandomEach),
             });
         }
     }
@@ -145,7 +145,7 @@ fn readings_of<'a>(
     plan: &StudyPlan,
     wanted: &ReadingsWanted<'a>,
     watch: Watcher<'_>,
-) -> Result<StudiedReadings<'a>, CandidateError> {
+) -> Result<TakenPlan<'a>, CandidateError> {
     let (task, conditions, groups) = (&setting.task, &setting.conditions, wanted.groups);
     let measurements = conditions.experiments;
     let scaled = |rows: &[Candidate]| -> Vec<Candidate> {
@@ -160,7 +160,6 @@ fn readings_of<'a>(
         candidates: candidates.as_deref(),
         ..*wanted
     };
-    let mut is_random = false;
     let (planning, mut found) = match &plan.source {
         StudySource::File { readings, .. } => {
             let planning = AbsolutePlanning::of_plan(task, groups, &scaled(readings))?;
@@ -179,7 +178,6 @@ fn readings_of<'a>(
             (planning, found.plan)
         }
         StudySource::Random | StudySource::RandomEach => {
-            is_random = true;
             // Random plans know of no station that tells more than they ask.
             let mut plannings = wanted.plannings(task, seed)?;
             let planning = plannings.swap_remove(plannings.len() - 1);
@@ -187,42 +185,34 @@ fn readings_of<'a>(
             (planning, plan)
         }
     };
-    // As a whole until there are so many, which it is known to divide.
-    let once = measurements_in(&found);
+    let as_whole = times_as_whole(measurements_in(&found), measurements);
     for (_, times) in &mut found {
-        *times *= (measurements / once.max(1)).max(1);
+        *times *= as_whole;
     }
-    Ok(StudiedReadings {
-        plan: found,
-        planning,
-        groups,
-        is_random,
-    })
+    Ok(TakenPlan::of_readings(found, planning, groups))
 }
 
-/// Reads, designs or draws a plan, and repeats it as a whole.
-fn entry_kind(
+/// How often a plan of so many measurements is made as a whole until there are so many, which it is known to divide.
+fn times_as_whole(once: u32, measurements: u32) -> u32 {
+    (measurements / once.max(1)).max(1)
+}
+
+/// Reads, designs or draws a plan of deflections, and repeats it as a whole; none where every run has its own.
+fn deflections_of(
     scenario: &Scenario,
     setting: &Setting<'_>,
     plan: &StudyPlan,
     design: Designer<'_>,
-) -> anyhow::Result<EntryKind<'static>> {
+) -> anyhow::Result<Option<Plan>> {
     let (task, conditions) = (&setting.task, &setting.conditions);
     let wanted = conditions.experiments;
-    let whole = |plan: &Plan| {
-        let found = plan.measurements();
-        let problem =
-            || format!("{found} measurements do not make up {wanted} by whole repetitions");
-        let none = || FileError::new(&scenario.path, problem()).code(ErrorCode::NoPlan);
-        repeated(plan, wanted).ok_or_else(none)
-    };
-    Ok(match &plan.source {
+    let found = match &plan.source {
         StudySource::File { plan, .. } => {
-            let mut plan = whole(plan)?;
+            let mut plan = plan.clone();
             for experiment in &mut plan.experiments {
                 experiment.load = experiment.load.scaled(conditions.load_scale);
             }
-            EntryKind::Fixed(plan)
+            plan
         }
         StudySource::Optimal {
             criterion,
@@ -240,11 +230,14 @@ fn entry_kind(
                 let (joints, prior) = (task.belief.parameters.clone(), task.belief.prior.clone());
                 task.belief = task.belief.of_compliances(joints, prior)?;
             }
-            EntryKind::Fixed(whole(&design(&task, &plan.name, wanted)?.exact.plan)?)
+            design(&task, &plan.name, wanted)?.exact.plan
         }
-        StudySource::Random => EntryKind::Random(random_plan(task, wanted, scenario.seed, 0)?),
-        StudySource::RandomEach => EntryKind::RandomEach,
-    })
+        StudySource::Random => random_plan(task, wanted, scenario.seed, 0)?,
+        StudySource::RandomEach => return Ok(None),
+    };
+    Ok(Some(
+        found.repeated(times_as_whole(found.measurements(), wanted)),
+    ))
 }
 
 /// Tries a plan on so many virtual robots under a seed, unless the flag is set meanwhile; `progress` hears of each block.
@@ -254,7 +247,7 @@ fn entry_kind(
 pub fn try_plan(
     setting: &Setting<'_>,
     seed: u64,
-    kind: EntryKind<'_>,
+    plan: TakenPlan<'_>,
     robots: u64,
     stop: &AtomicBool,
     progress: &(dyn Fn(u64) + Sync),
@@ -262,7 +255,8 @@ pub fn try_plan(
     let entries = [Entry {
         name: "plan".to_owned(),
         setting: 0,
-        kind,
+        plan: Some(plan),
+        is_random: false,
     }];
     let settings = std::slice::from_ref(setting);
     let runner = Runner::new(settings, seed, Level::Robot, &entries)?.stopped_by(stop);

@@ -2,14 +2,14 @@
 
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3xX, Matrix6xX};
 
-use super::known_parameters::{IdentifiedStation, known};
 use crate::files::FileError;
 use crate::identification::{DiscrepancyModel, IdentificationError, StoredRobot};
+use crate::numeric::estimable::Estimable;
 use crate::numeric::posterior::Posterior;
 use crate::observation::{
     BareArm, ObservationModel, PlannedReadings, ReadingErrors, ReadingKind, Setup,
 };
-use crate::parameter::{ElasticArm, ParameterSet, ReadingSource};
+use crate::parameter::{ElasticArm, ParameterKind, ParameterSet, ReadingSource, SourceLevel};
 use crate::robot::Load;
 use crate::task::Belief;
 
@@ -54,11 +54,13 @@ impl KnownPlaces {
     pub fn new(
         stored: &StoredRobot,
         (reference, belief): (&ElasticArm, &Belief),
-        (stations, tools): (&[IdentifiedStation], &[Option<usize>]),
+        tools: &[Option<usize>],
     ) -> Result<Self, FileError> {
-        let frames = stations.iter().map(|each| each.instrument_from_base);
+        let stations = &stored.message.stations;
+        let base = Isometry3::identity();
+        let frames = stations.iter().map(|each| each.frame(&base));
         let mut reference = reference.clone();
-        reference.instrument_from_base = frames.chain([Isometry3::identity()]).collect();
+        reference.instrument_from_base = frames.chain([base]).collect();
         let of_stations: Vec<Option<usize>> = (0..stations.len()).map(Some).collect();
         let kinds = stored.kinds(&reference, &of_stations, tools);
         let arm = stored.apply(&reference)?.under_loads_of_task();
@@ -95,9 +97,6 @@ impl KnownPlaces {
 
     /// Of a tool that is commanded so, in the frame of a station, or of the robot's base where there is none; `None` where that depends on
     /// what was not determined.
-    ///
-    /// # Errors
-    /// The arm has no equilibrium there.
     pub fn accuracy(
         &self,
         (tool, station): (usize, Option<usize>),
@@ -177,4 +176,51 @@ impl KnownPlaces {
                 || moved <= OF_THE_ERROR * standard_error_m
         }))
     }
+}
+
+/// What is known of the robot's own parameters, wherever the stations are, and of the task's force, of which no reading says anything.
+pub(super) fn known(
+    stored: &StoredRobot,
+    (arm, belief): (&ElasticArm, &Belief),
+    kinds: &[Option<ParameterKind>],
+) -> Result<(ParameterSet, Posterior), FileError> {
+    let unknowns = &stored.message.unknowns;
+    let own: Vec<(usize, ParameterKind)> = (kinds.iter().enumerate())
+        .filter_map(|(index, kind)| Some((index, (*kind)?)))
+        .collect();
+    let of_task = belief.uncertain.set().parameters().iter();
+    let of_task = of_task.filter(|each| each.kind.level() == SourceLevel::Task);
+    let of_task: Vec<(ParameterKind, f64)> = of_task
+        .filter_map(|each| Some((each.kind, each.prior_deviation?)))
+        .collect();
+    let all = own.iter().map(|&(_, kind)| kind);
+    let all = all.chain(of_task.iter().map(|&(kind, _)| kind));
+    let set = ParameterSet::new(arm, all.map(|kind| (kind, None)))
+        .map_err(|error| stored.wrong("unknowns", error.to_string()))?;
+    let hidden: Vec<usize> = (0..own.len())
+        .filter(|&place| unknowns[own[place].0].standard_error.is_none())
+        .collect();
+    let values = stored.values(arm)?;
+    let factor = |&(index, _): &(usize, ParameterKind)| values[index].factor;
+    let covariance = DMatrix::from_fn(set.len(), set.len(), |row, column| {
+        match (own.get(row), own.get(column)) {
+            (Some(one), Some(other)) => {
+                stored.covariance[(one.0, other.0)] * factor(one) * factor(other)
+            }
+            _ if row == column => of_task[row - own.len()].1.powi(2),
+            _ => 0.0,
+        }
+    });
+    let posterior = Posterior {
+        names: (set.parameters().iter())
+            .map(|each| each.name.clone())
+            .collect(),
+        mean: set.prior().mean.as_slice().to_vec(),
+        covariance,
+        estimable: Estimable::with_hidden(
+            set.scales().as_slice(),
+            DMatrix::identity(set.len(), set.len()).select_columns(&hidden),
+        ),
+    };
+    Ok((set, posterior))
 }

@@ -11,7 +11,7 @@ use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::runner::Runner;
-use elastocal::study::{Entry, EntryKind, Level};
+use elastocal::study::{Entry, Level};
 use elastocal::task::Method;
 use nalgebra::{DMatrix, dvector};
 use serde_json::Value;
@@ -469,7 +469,8 @@ fn the_expected_error_counts_what_is_determined() {
     let entries = [Entry {
         name: "random".into(),
         setting: 0,
-        kind: EntryKind::RandomEach,
+        plan: None,
+        is_random: true,
     }];
     for (level, trials) in [(Level::Model, 4096), (Level::Robot, 256)] {
         let runner = Runner::new(&settings, scenario.seed, level, &entries).expect("works");

@@ -6,10 +6,11 @@ use elastocal::measurement::read_measurements;
 use elastocal::observation::DeflectionPrecision;
 use elastocal::plan::search::{Problem, random_plan};
 use elastocal::plan::{Criterion, Feasibility, Plan, UncertaintyBudget, read_plan};
+use elastocal::record::run::RunMessage;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::TrueRobots;
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::view::recording::Recording;
 use nalgebra::{DMatrix, Matrix3xX, Matrix6xX, Vector3};
 use serde_json::Value;
 
@@ -608,7 +609,7 @@ fn recordings_show_what_each_instrument_reads() {
     let both = "is 0.03 mm of a coordinate and 0.00501 mm of the gauge";
     assert_eq!(noise.remark.as_deref(), Some(both));
     let (task, truth) = (&scenario.task, &scenario.truth);
-    let shown = CarriedOutPlan::of_deflections(task, truth, seed, "plan", &found);
+    let shown = RunMessage::of_deflections(task, truth, seed, "plan", &found);
     let shown = shown.expect("it works");
     let recording = Recording::new(&scenario, &[shown]).expect("it works");
     let place = Workplace::new();

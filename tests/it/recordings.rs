@@ -8,11 +8,12 @@ use std::process::Command;
 
 use elastocal::calibration::calibrate;
 use elastocal::plan::{Plan, read_plan};
+use elastocal::record::run::RunMessage;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use elastocal::view::mcap_file::write_mcap;
-use elastocal::view::recording::{CarriedOutPlan, Recording};
+use elastocal::view::recording::Recording;
 use elastocal::view::rerun_file::write_rerun;
 use elastocal::view::stills::Stills;
 use foxglove::Decode;
@@ -27,12 +28,12 @@ use serde_json::{Value, json};
 use crate::support::{project, repeated, scenario, table4};
 
 fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
-    let calibrations: Vec<CarriedOutPlan> = plans
+    let calibrations: Vec<RunMessage> = plans
         .iter()
         .map(|(name, plan)| {
             let (task, truth, seed) = (&scenario.task, &scenario.truth, scenario.seed);
             let made = calibrate(task, truth, plan, seed, 0).expect("everything can be measured");
-            CarriedOutPlan::of_deflections(task, truth, seed, name, &made).expect("it works")
+            RunMessage::of_deflections(task, truth, seed, name, &made).expect("it works")
         })
         .collect();
     Recording::new(scenario, &calibrations).expect("what was measured can be recorded")

@@ -9,7 +9,7 @@ use elastocal::study::robot_level::{PreparedPlan, RobotRuns};
 use elastocal::study::runner::Runner;
 use elastocal::study::summary::QUANTILES;
 use elastocal::study::tally::{Sum, Tally};
-use elastocal::study::{Entry, EntryKind, Level, Setting, StudyError, repeated};
+use elastocal::study::{Entry, Level, Setting, StudyError, TakenPlan, repeated};
 use elastocal::task::Method;
 use serde_json::{Value, json};
 
@@ -20,7 +20,8 @@ fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry<'static>> {
     let entry = |&size: &u32| Entry {
         name: format!("m{size}"),
         setting: 0,
-        kind: EntryKind::Fixed(repeated(&table4(size), experiments).expect("divides")),
+        plan: repeated(&table4(size), experiments).map(TakenPlan::Deflections),
+        is_random: false,
     };
     sizes.iter().map(entry).collect()
 }
@@ -33,7 +34,7 @@ fn setting(scenario: &Scenario, experiments: u32) -> [Setting<'_>; 1] {
 }
 
 fn run(scenario: &Scenario, level: Level, entries: &[Entry<'_>], trials: u64) -> Vec<Tally> {
-    let experiments = entries[0].kind.plan().expect("fixed").measurements();
+    let experiments = entries[0].plan.as_ref().expect("fixed").measurements();
     let settings = setting(scenario, experiments);
     let runner = Runner::new(&settings, scenario.seed, level, entries).expect("works");
     let blocks = runner.blocks(trials);
@@ -75,7 +76,8 @@ fn neither_threads_nor_order_change_a_bit() {
     entries.push(Entry {
         name: "random".into(),
         setting: 0,
-        kind: EntryKind::RandomEach,
+        plan: None,
+        is_random: true,
     });
     let trials = 10_001;
     let settings = setting(&scenario, 12);
@@ -370,7 +372,8 @@ fn what_cannot_be_studied_is_named() {
     let singular = Entry {
         name: "one".into(),
         setting: 0,
-        kind: EntryKind::Fixed(plan),
+        plan: Some(TakenPlan::Deflections(plan)),
+        is_random: false,
     };
     let wrong = new(&[singular]).expect_err("one configuration");
     assert!(

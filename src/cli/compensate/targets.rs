@@ -3,11 +3,11 @@
 use crate::compensation::{
     AbsoluteTarget, InverseKinematics, TargetRow, Unreachable, read_targets,
 };
-use crate::identification::JointError;
+use crate::identification::{JointError, MountedFrameMessage};
 use crate::mujoco::frame;
 use crate::parameter::ElasticArm;
 use crate::quantities::units::shown_unit;
-use crate::workflow::{calibrated::CalibratedRobot, known_parameters::IdentifiedStation};
+use crate::workflow::calibrated::CalibratedRobot;
 use clap::ValueEnum;
 use nalgebra::{DVector, Isometry3, Vector3};
 
@@ -208,7 +208,8 @@ impl Compensate {
                     None => "the instrument's frame".to_owned(),
                     Some(name) => format!("the instrument's frame at station {name:?}"),
                 };
-                (station.instrument_from_base.inverse(), Some(place), said)
+                let frame = station.frame(&Isometry3::identity());
+                (frame.inverse(), Some(place), said)
             }
         };
         Ok(match &self.workpiece {
@@ -228,7 +229,7 @@ impl Compensate {
     fn station_of<'a>(
         &self,
         robot: &'a CalibratedRobot,
-    ) -> Result<(usize, &'a IdentifiedStation), FileError> {
+    ) -> Result<(usize, &'a MountedFrameMessage), FileError> {
         let wrong =
             |problem: &str| FileError::new(&self.identified, problem).code(ErrorCode::Targets);
         let stations = &robot.beside_joint_errors().0.stations;

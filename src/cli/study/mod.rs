@@ -5,7 +5,7 @@ pub mod results;
 use std::time::Instant;
 
 use crate::experiment::Candidate;
-use crate::files::{hexadecimal, make_folder, sha256_of};
+use crate::files::{hexadecimal, sha256_of};
 use crate::plan::search::Watch;
 use crate::quantities::limits::{MOST_SHARDS, MOST_TRIALS};
 use crate::record::messages::SchemaMessage;
@@ -160,15 +160,13 @@ impl StudyCommand {
         if self.shard.is_some() {
             return self.common.check_files(scenario, None);
         }
-        let folder = self.common.folder(scenario);
-        let names = [
+        let files = [
             &results::FILES[..],
             &[views::STUDY_PAGE],
             views::STUDY_FILES,
-        ]
-        .concat();
-        (self.common).check_files(scenario, Some((&folder, &names)))?;
-        make_folder(&folder)
+        ];
+        (self.common).results_folder(scenario, &files.concat())?;
+        Ok(())
     }
 
     /// Makes what is left of the runs, writes what they come to, and reports it.

@@ -37,9 +37,6 @@ impl Results {
     }
 
     /// Results for stdout, and the conditions that did not hold.
-    ///
-    /// # Errors
-    /// See [`PageError`].
     pub fn report(&self, folder: &Path) -> Result<Report, PageError> {
         let took = self.timing.map_or_else(String::new, |timing| {
             format!(", in {:.2} s", timing.elapsed_s)

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use crate::calibration::calibrate;
 use crate::plan::search::random_plan;
-use crate::record::tally_file::Header;
+use crate::record::{run::RunMessage, tally_file::Header};
 use crate::scenario::Scenario;
 use crate::study::runner::Runner;
-use crate::study::{Entry, EntryKind, Setting, tally::Tally};
+use crate::study::{Entry, Setting, TakenPlan, tally::Tally};
 use crate::view::mcap_file::study::write_study_mcap;
-use crate::view::recording::{CarriedOutPlan, Recording};
+use crate::view::recording::Recording;
 use crate::view::rerun_file::study::{StudyStream, write_study_rerun};
 use crate::view::rerun_file::viewer::Viewer;
 use crate::view::study_recording::{Snapshot, StudyRecording};
@@ -40,7 +40,13 @@ impl StudyObserver {
             let setting = &settings[entry.setting];
             // A plan that fails on the virtual robot is not shown, and may do by the linear model; that of run 0 stands for all where
             // every run has its own.
-            shown.extend(carried_out(scenario, setting, &label, &entry.kind, 0));
+            shown.extend(carried_out(
+                scenario,
+                setting,
+                &label,
+                entry.plan.as_ref(),
+                0,
+            ));
         }
         let study = StudyRecording {
             header: header.clone(),
@@ -119,26 +125,23 @@ impl StudyObserver {
     }
 }
 
-/// A plan of a study as it is carried out in a run, whatever is measured.
+/// A plan of a study as it is carried out in a run, whatever is measured; a random one where every run has its own.
 pub fn carried_out(
     scenario: &Scenario,
     setting: &Setting<'_>,
     name: &str,
-    kind: &EntryKind<'_>,
+    plan: Option<&TakenPlan<'_>>,
     run: u64,
-) -> anyhow::Result<CarriedOutPlan> {
+) -> anyhow::Result<RunMessage> {
     let (task, seed) = (&setting.task, scenario.seed);
-    let plan = match kind {
-        EntryKind::Fixed(plan) | EntryKind::Random(plan) => plan.clone(),
-        EntryKind::RandomEach => random_plan(task, setting.conditions.experiments, seed, run)?,
-        EntryKind::Readings(readings) => {
-            let (run, did) = replay_readings(scenario, setting, name, readings, seed, run)?;
-            return Ok(CarriedOutPlan { run, did });
+    let plan = match plan {
+        Some(TakenPlan::Deflections(plan)) => plan.clone(),
+        None => random_plan(task, setting.conditions.experiments, seed, run)?,
+        Some(TakenPlan::Readings(readings)) => {
+            return replay_readings(scenario, setting, name, readings, seed, run);
         }
     };
     let truth = setting.truth;
     let made = calibrate(task, truth, &plan, seed, run)?;
-    Ok(CarriedOutPlan::of_deflections(
-        task, truth, seed, name, &made,
-    )?)
+    Ok(RunMessage::of_deflections(task, truth, seed, name, &made)?)
 }

@@ -26,8 +26,9 @@ use super::recording::{RecordedCalibration, Recording, Step};
 use crate::files::{FileError, output::Output};
 use crate::laboratory::Costs;
 use crate::record::messages::{ProvenanceMessage, thousandfold};
-use crate::record::recorded::{IdentificationRecord, IdentifiedReadings, PlanRows, ReadOnce};
-use crate::record::run::{MeasuredMessage, RunMessage};
+use crate::record::run::{
+    IdentificationRecord, IdentifiedReadings, MeasuredMessage, PlanRows, ReadOnce, RunMessage,
+};
 use crate::robot::Load;
 use crate::study::carried_out::AtRest;
 use scene::stamp;
@@ -158,7 +159,7 @@ impl Channels<'_> {
                     let change = scene::change_tool(recording, step.tool, now);
                     self.draw(SCENE, now, &change)?;
                 }
-                let (commands, did) = (&calibration.commands, &step.did);
+                let (commands, did) = (&recording.commands, &step.did);
                 let [unloaded, loaded] = &did.rests;
                 let record = StepRecord {
                     title: step.title.clone(),

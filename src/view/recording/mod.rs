@@ -7,17 +7,14 @@ mod steps;
 
 use nalgebra::{Isometry3, Vector3};
 
-use crate::calibration::{Calibration, CalibrationError};
+use crate::calibration::CalibrationError;
 use crate::laboratory::Costs;
 use crate::mujoco::Mesh;
 use crate::record::messages::ProvenanceMessage;
-use crate::record::recorded::ReadOnce;
-use crate::record::run::RunMessage;
+use crate::record::run::{ReadOnce, RunMessage};
 use crate::robot::Commands;
 use crate::scenario::Scenario;
-use crate::study::carried_out::{CarriedOut, CarriedOutRow};
-use crate::task::Task;
-use crate::testbed::Truth;
+use crate::study::carried_out::CarriedOutRow;
 use crate::text::wording::joined;
 pub use annotations::{Annotation, SightLine};
 use bodies::bodies;
@@ -43,6 +40,10 @@ pub struct Recording {
     pub links: Vec<Body>,
     /// How long work takes.
     pub costs: Costs,
+    /// How the robot is commanded.
+    pub commands: Commands,
+    /// The unit of the compliances as they are shown.
+    pub compliance_unit: String,
     /// Whether lines of sight are known, and whether a gauge reads.
     pub has_sights: [bool; 2],
     /// The calibrations; the first is the main one.
@@ -80,24 +81,11 @@ pub enum ShownTool {
     Machining,
 }
 
-/// A plan as it was carried out, to be recorded.
-#[derive(Debug, Clone)]
-pub struct CarriedOutPlan {
-    /// Plan, readings and results.
-    pub run: RunMessage,
-    /// What the robot did.
-    pub did: CarriedOut,
-}
-
 /// One calibration with what the robot did.
 #[derive(Debug, Clone)]
 pub struct RecordedCalibration {
     /// Plan, readings and results.
     pub record: RunMessage,
-    /// How the robot is commanded.
-    pub commands: Commands,
-    /// The unit of the compliances as they are shown.
-    pub compliance_unit: String,
     /// The experiments, repeats left out, then the test poses.
     pub steps: Vec<Step>,
 }
@@ -147,25 +135,6 @@ impl Step {
     }
 }
 
-impl CarriedOutPlan {
-    /// A plan of deflections under a name, as the robot of a calibration's run under a seed carried it out.
-    ///
-    /// # Errors
-    /// See [`CalibrationError`]; none that the calibration did not have already.
-    pub fn of_deflections(
-        task: &Task,
-        truth: &Truth,
-        seed: u64,
-        name: &str,
-        calibration: &Calibration,
-    ) -> Result<Self, CalibrationError> {
-        Ok(Self {
-            run: RunMessage::of_deflections(&task.belief, name, calibration),
-            did: CarriedOut::of_deflections(task, truth, seed, calibration)?,
-        })
-    }
-}
-
 impl RecordedCalibration {
     /// What was read in a step, one after the other; nothing at a test pose.
     pub fn read_in(&self, step: &Step) -> impl Iterator<Item = ReadOnce<'_>> {
@@ -179,17 +148,15 @@ impl Recording {
     ///
     /// # Errors
     /// See [`CalibrationError`]; none that the plans did not have already.
-    pub fn new(scenario: &Scenario, plans: &[CarriedOutPlan]) -> Result<Self, CalibrationError> {
+    pub fn new(scenario: &Scenario, plans: &[RunMessage]) -> Result<Self, CalibrationError> {
         let belief = &scenario.task.belief;
         let (surroundings, links) = bodies(scenario)?;
         let rows = plans.iter().flat_map(|plan| &plan.did.rows);
         let mut experiments = Stage::new(scenario, &links, ShownTool::Calibration, rows)?;
         let rows = plans.iter().flat_map(|plan| plan.did.test_poses.iter());
         let mut test_poses = Stage::new(scenario, &links, ShownTool::Machining, rows.flatten())?;
-        let calibration = |plan: &CarriedOutPlan| RecordedCalibration {
-            record: plan.run.clone(),
-            commands: belief.commands(),
-            compliance_unit: belief.compliance_unit("1e-6"),
+        let calibration = |plan: &RunMessage| RecordedCalibration {
+            record: plan.clone(),
             steps: steps(plan, &mut experiments, &mut test_poses),
         };
         let calibrations: Vec<_> = plans.iter().map(calibration).collect();
@@ -205,6 +172,8 @@ impl Recording {
             surroundings,
             links,
             costs: scenario.laboratory.costs,
+            commands: belief.commands(),
+            compliance_unit: belief.compliance_unit("1e-6"),
             has_sights: [false, true].map(has),
             calibrations,
         })

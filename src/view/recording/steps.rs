@@ -2,10 +2,10 @@
 
 use nalgebra::Isometry3;
 
-use super::{Body, CarriedOutPlan, ShownArm, ShownTool, SightLine, Step, tool_name};
+use super::{Body, ShownArm, ShownTool, SightLine, Step, tool_name};
 use crate::calibration::CalibrationError;
 use crate::mujoco::State;
-use crate::record::run::MeasuredMessage;
+use crate::record::run::{MeasuredMessage, RunMessage};
 use crate::scenario::Scenario;
 use crate::study::carried_out::CarriedOutRow;
 use crate::task::Instrument;
@@ -101,11 +101,11 @@ impl Stage {
 
 /// The steps of a plan as it was carried out, on the stages of experiments and of test poses.
 pub(super) fn steps(
-    plan: &CarriedOutPlan,
+    record: &RunMessage,
     experiments: &mut Stage,
     test_poses: &mut Stage,
 ) -> Vec<Step> {
-    let (record, did) = (&plan.run, &plan.did);
+    let did = &record.did;
     let how = match record.measured {
         MeasuredMessage::Deflections { .. } => ["not compensated", "compensated"],
         MeasuredMessage::Readings { .. } => ["by the nominal robot", "by the identified robot"],

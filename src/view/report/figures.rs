@@ -5,12 +5,12 @@ use serde_json::Value;
 use crate::identification::IdentificationMessage;
 use crate::numeric::quantile::TWO_SIDED_95;
 use crate::plan::search::BudgetPoint;
-use crate::record::evidence::EvidenceMessage;
-use crate::record::messages::TruthMessage;
+use crate::testbed::RunTruth;
 use crate::text::wording::{listed, percent};
 use crate::view::charts::{
     COLOURS, Chart, ChartAxis, GRID, HALF, INK, Mark, Series, WHOLE, middle,
 };
+use crate::workflow::evidence::EvidenceMessage;
 
 /// At so many test poses at most each has its number under the figure.
 const MOST_TICKS: usize = 36;
@@ -74,7 +74,7 @@ pub fn path_figure(names: &[&str], values_um: &[f64], over_all_um: Option<f64>) 
 }
 
 /// The identified compliances with their 95 % intervals, relative to the simulated truth.
-pub fn compliances_figure(found: &IdentificationMessage, truth: &TruthMessage) -> Value {
+pub fn compliances_figure(found: &IdentificationMessage, truth: &RunTruth) -> Value {
     // The estimate less the truth, over the truth (%), between the ends of its interval.
     let errors = found.compliance_rad_per_nm.iter().enumerate();
     let errors = errors.map(|(index, value)| {

@@ -7,7 +7,7 @@ use re_sdk::{RecordingStream, entity_path};
 use re_sdk_types::archetypes::{Scalars, SeriesPoints};
 
 use super::Logged;
-use crate::record::recorded::ReadOnce;
+use crate::record::run::ReadOnce;
 
 /// The groups of curves.
 pub(super) const DEFLECTION: &str = "deflection_mm";

@@ -139,7 +139,7 @@ fn log_steps(stream: &RecordingStream, recording: &Recording) -> Logged {
     for (number, calibration, step) in recording.steps() {
         stream.set_time_sequence(STEP, number);
         if named != Some(&calibration.record.name) {
-            stream.log("text/results", &text::results(calibration)?)?;
+            stream.log("text/results", &text::results(recording, calibration)?)?;
             named = Some(&calibration.record.name);
         }
         scene::log_step(stream, recording, calibration, step)?;

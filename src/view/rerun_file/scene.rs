@@ -67,7 +67,7 @@ pub(super) fn log_step(
         .with_colors(labels().map(|(rgb, _)| rgb))
         .with_labels(labels().map(|(_, (_, text))| text.as_str()));
     stream.log("world/labels", &points)?;
-    stream.log("text/step", &text::step(calibration, step)?)?;
+    stream.log("text/step", &text::step(recording, calibration, step)?)?;
     Ok(())
 }
 

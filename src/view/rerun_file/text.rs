@@ -20,6 +20,7 @@ fn markdown(template: &str, shown: &Value) -> Result<TextDocument, PageError> {
 
 /// What the robot does in a step.
 pub(super) fn step(
+    recording: &Recording,
     calibration: &RecordedCalibration,
     step: &Step,
 ) -> Result<TextDocument, PageError> {
@@ -39,7 +40,7 @@ pub(super) fn step(
         let off_mm = thousandfold(&step.did.displacement_m());
         vectors.push(vector(place, Some(off_mm), None));
     }
-    let joints = (calibration.commands).shown(step.did.commanded_rad.as_slice());
+    let joints = (recording.commands).shown(step.did.commanded_rad.as_slice());
     let shown = json!({
         "plan": record.name,
         "title": step.title,
@@ -47,18 +48,21 @@ pub(super) fn step(
         "enlargement": step.enlargement,
         "vectors": vectors,
         "direction": step.did.direction.map(<[f64; 3]>::from),
-        "unit": calibration.commands.unit(),
+        "unit": recording.commands.unit(),
         "joints": listed(joints, 2),
     });
     markdown("step.md", &shown)
 }
 
 /// What a calibration identified, and what that achieves.
-pub(super) fn results(calibration: &RecordedCalibration) -> Result<TextDocument, PageError> {
+pub(super) fn results(
+    recording: &Recording,
+    calibration: &RecordedCalibration,
+) -> Result<TextDocument, PageError> {
     let record = &calibration.record;
     let (identified, without) = match &record.measured {
         MeasuredMessage::Deflections { identification, .. } => {
-            let unit = &calibration.compliance_unit;
+            let unit = &recording.compliance_unit;
             let table = tables::compliances(identification, &record.truth, unit);
             (table, "uncompensated")
         }
