@@ -228,7 +228,7 @@ fn question(problem: &Problem<'_>, rows: Vec<Vec<f64>>) -> Question {
             &task.belief.calibration_tool,
             &region.joint_range_rad,
         ),
-        parameters: problem.parameters.clone(),
+        parameters: problem.joints(),
         rows,
         region: SmoothRegion {
             height_m: region.tool_height_m,
