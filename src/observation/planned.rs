@@ -308,12 +308,7 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    fn covariance_between(
-        &self,
-        source: &ReadingSource,
-        one: &Load,
-        other: &Load,
-    ) -> Matrix6<f64> {
+    fn covariance_between(&self, source: &ReadingSource, one: &Load, other: &Load) -> Matrix6<f64> {
         match source.shared_part(self.unloaded()) {
             0.0 => Matrix6::zeros(),
             part => {

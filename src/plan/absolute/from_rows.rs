@@ -23,24 +23,11 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         rows: &[Candidate],
     ) -> Result<Self, CandidateError> {
-        Self::beside(task, groups, &[], rows)
+        Self::of_rows(task, groups, &[], &merged(rows))
     }
 
-    /// The same beside readings that are taken already: what they tell is known before, and new ones in their configurations share
-    /// errors with them.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn beside(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        measured: &[AbsoluteReading],
-        rows: &[Candidate],
-    ) -> Result<Self, CandidateError> {
-        Self::of_rows(task, groups, measured, &merged(rows))
-    }
-
-    /// The same where rows that are alike stay apart.
+    /// The same where rows that are alike stay apart, beside readings that are taken already: what they tell is known before, and new
+    /// ones in their configurations share errors with them.
     pub(super) fn of_rows(
         task: &'a Task,
         groups: &[ParameterGroup],
@@ -115,7 +102,7 @@ impl<'a> AbsolutePlanning<'a> {
 
     /// With the last candidates, read so often, as known before.
     fn knowing(mut self, measured: CandidatePlan) -> Self {
-        for told in self.told_of(&self.neighbours.groups(&measured)) {
+        for told in self.told_of(&self.groups(&measured)) {
             self.before += told;
         }
         if let Some(&(first, _)) = measured.first() {

@@ -16,7 +16,6 @@ use crate::numeric::random::generator;
 use crate::numeric::random::streams::drawn_candidates;
 use crate::observation::{ReadingKind, planned_rows};
 use crate::plan::search::{CandidatePlan, FiniteEffort, best_choice};
-use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
@@ -78,7 +77,7 @@ impl AbsolutePlanning<'_> {
         let (measurements, configurations) = (effort.measurements, effort.configurations);
         // Where there are fewer configurations than readings, each that is chosen is read so often.
         let repeats = measurements.div_ceil(configurations);
-        let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS) / repeats;
+        let most = |place: usize| self.most(place) / repeats;
         places.retain(|&place| most(place) > 0);
         let share = f64::from(configurations) / f64::from(measurements);
         let mut list = self.tied_list(station, &places, share)?;

@@ -14,7 +14,7 @@ use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
     SharingReadings, Together, Visits, Whitener, turned_columns, visits_of,
 };
-use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
+use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds, by_configuration};
 use crate::task::Belief;
 
 /// Which candidates share errors.
@@ -41,20 +41,6 @@ impl Neighbours {
         for visit in &mut self.visits[first..] {
             *visit += known;
         }
-    }
-
-    /// Readings that share a configuration, in the order of the first.
-    pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
-        let mut groups: Vec<CandidatePlan> = Vec::new();
-        for &(place, times) in plan {
-            let here = self.configurations[place];
-            let known = |group: &&mut CandidatePlan| self.configurations[group[0].0] == here;
-            match groups.iter_mut().find(known) {
-                Some(group) => group.push((place, times)),
-                None => groups.push(vec![(place, times)]),
-            }
-        }
-        groups
     }
 }
 
@@ -95,8 +81,12 @@ impl AbsolutePlanning<'_> {
             });
             readings.collect()
         };
-        let groups = self.neighbours.groups(plan);
-        groups.into_iter().map(of_group).collect()
+        (self.groups(plan).into_iter()).map(of_group).collect()
+    }
+
+    /// A plan's readings that share a configuration, in the order of the first.
+    pub(super) fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
+        by_configuration(plan, &self.neighbours.configurations)
     }
 
     /// The visits of one configuration.

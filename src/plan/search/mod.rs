@@ -55,9 +55,11 @@ pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
 pub use exact::{ExactDesign, Watch, exact_design};
-pub(in crate::plan) use finite::measure;
-pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds, measurements_in};
-pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
+pub use finite::{
+    CandidatePlan, FiniteBound, FiniteProblem, TogetherBounds, ToldTogether, measurements_in,
+};
+pub(in crate::plan) use finite::{by_configuration, measure};
+pub use finite_search::{FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
 pub use plan_search::PlanSearch;
 pub use problem::{Effort, Problem};
