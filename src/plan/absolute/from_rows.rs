@@ -4,11 +4,10 @@ use std::path::Path;
 
 use super::joint_functions::RobotFunctions;
 use super::readable::{check_stations, from_stations, possible, reading_of, wrong_readings};
-use super::together::Neighbours;
 use super::{AbsolutePlanning, CandidateError, place_rows, setup_of};
-use crate::experiment::{Candidate, read_candidates, together};
+use crate::experiment::{Candidate, numbered, read_candidates, together};
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup};
+use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup, visit_classes};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{PlannedReading, ReadingErrors, ReadingKind};
 use crate::parameter::{ReadingSource, relative_precision};
@@ -89,7 +88,8 @@ impl<'a> AbsolutePlanning<'a> {
             before: relative_precision(&set),
             unasked: case.unasked(groups),
             offer,
-            neighbours: Neighbours::of(&readings, &task.belief),
+            configurations: numbered(readings.len(), |place| readings[place].pose(), |_, _| true),
+            visits: visit_classes(&readings, &task.belief),
             candidates,
             case,
             set,
@@ -106,7 +106,11 @@ impl<'a> AbsolutePlanning<'a> {
             self.before += told;
         }
         if let Some(&(first, _)) = measured.first() {
-            self.neighbours.begin_visits(first);
+            // They were read in visits of their own.
+            let known = self.visits.len();
+            for visit in &mut self.visits[first..] {
+                *visit += known;
+            }
         }
         self.measured = measured;
         self

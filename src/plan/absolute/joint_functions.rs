@@ -13,7 +13,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, SymmetricEigen};
 
-use super::predicted_accuracy::{PlaceRows, PredictedAccuracy, known_after, stacked_task};
+use super::predicted_accuracy::PlaceRows;
 use super::{AbsolutePlanning, RepeatedReading};
 use crate::identification::AbsoluteCase;
 use crate::numeric::factorisation::inverse_of;
@@ -244,15 +244,12 @@ impl AbsolutePlanning<'_> {
         }
     }
 
-    /// The predicted accuracy of a plan of so many readings that functions tie.
-    pub(super) fn prediction_of(&self, tied: &TiedReadings, count: u32) -> PredictedAccuracy {
+    /// What a plan tells with what is known before (p x p, in typical sizes) where functions tie all readings, and how the tool's place
+    /// follows what nobody knows then.
+    pub(super) fn tied_together(&self, plan: &[(usize, u32)]) -> (DMatrix<f64>, Vec<PlaceRows>) {
+        let tied = self.tied(plan).swap_remove(0);
         let information = relative_precision(&self.set) + tied.weighed() * &tied.rows;
-        let posterior = known_after(&self.set, &information);
-        let poses = tied.place_rows(&self.poses, &self.functions);
-        PredictedAccuracy {
-            task_force_m: stacked_task(&self.poses).norm(),
-            ..PredictedAccuracy::new(posterior, &poses, &self.set.scales(), count)
-        }
+        (information, tied.place_rows(&self.poses, &self.functions))
     }
 
     /// What the functions of a source leave (m^2) where the tool's place follows readings by such weights (3 m x 6 n) of these readings:

@@ -53,7 +53,6 @@ use joint_functions::RobotFunctions;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::reading_of;
-use together::Neighbours;
 pub use together::RepeatedReading;
 
 /// Searches for one plan.
@@ -84,8 +83,10 @@ pub struct AbsolutePlanning<'a> {
     errors: Vec<ReadingErrors>,
     /// of which so much is the instrument's,
     rounding: Vec<SharedRounding>,
-    /// and with which they are shared.
-    neighbours: Neighbours,
+    /// and which are shared in a configuration, by the number of each candidate's,
+    configurations: Vec<usize>,
+    /// or in a visit, by the number of what it may share one with.
+    visits: Vec<usize>,
     /// The machining tool, by its place among the arm's.
     target: usize,
     poses: Vec<PlaceRows>,
@@ -281,9 +282,7 @@ impl AbsolutePlanning<'_> {
             beside: &shown.beside + DMatrix::identity(size, size) * faint,
             told: shown.told.clone(),
             most: places().map(|&place| self.most(place)).collect(),
-            configurations: places()
-                .map(|&place| self.neighbours.configurations[place])
-                .collect(),
+            configurations: places().map(|&place| self.configurations[place]).collect(),
             told_together: (self.shares(&shown.places))
                 .then(|| -> Box<ToldTogether<'s>> { Box::new(told) }),
             bounds: shown.together.as_ref(),
@@ -455,18 +454,20 @@ impl AbsolutePlanning<'_> {
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
-        let count = measurements_in(plan);
-        if self.ties_all()
-            && let Some(tied) = self.tied(plan).first()
-        {
-            return self.prediction_of(tied, count);
-        }
-        let mut information = self.before.clone();
-        for told in self.told_of(&self.groups(plan)) {
-            information += told;
-        }
+        let (information, poses) = if self.ties_all() {
+            self.tied_together(plan)
+        } else {
+            let told = self.told_of(&self.groups(plan)).into_iter();
+            (
+                told.fold(self.before.clone(), |sum, told| sum + told),
+                self.poses.clone(),
+            )
+        };
         let posterior = known_after(&self.set, &information);
-        PredictedAccuracy::new(posterior, &self.poses, &self.set.scales(), count)
+        PredictedAccuracy {
+            task_force_m: stacked_task(&self.poses).norm(),
+            ..PredictedAccuracy::new(posterior, &poses, &self.set.scales(), measurements_in(plan))
+        }
     }
 }
 

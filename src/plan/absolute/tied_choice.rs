@@ -45,7 +45,7 @@ impl AbsolutePlanning<'_> {
                 return Some((rho0_m(&found)?, found));
             }
             // All that can be read in the configurations that were found.
-            let configurations = &self.neighbours.configurations;
+            let configurations = &self.configurations;
             let chosen = found.plan.iter().map(|(place, _)| configurations[*place]);
             let chosen: BTreeSet<usize> = chosen.collect();
             let mut places = self.places();
@@ -140,7 +140,7 @@ impl AbsolutePlanning<'_> {
             let new: DMatrix<f64> = own.view((0, 0), (count, count)).into_owned();
             told += rows.tr_mul(&Cholesky::new(new.clone())?.solve(&rows));
             let kept = DMatrix::from(errors.configuration.rows(0, count));
-            let configuration = self.neighbours.configurations[place];
+            let configuration = self.configurations[place];
             let by_functions = &self.functions.candidates[place];
             Some(CorrelatedReading {
                 by_unknowns: rows.transpose(),

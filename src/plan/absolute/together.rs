@@ -6,9 +6,6 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
 use super::AbsolutePlanning;
-use crate::experiment::numbered;
-use crate::identification::visit_classes;
-use crate::measurement::AbsoluteReading;
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
@@ -16,34 +13,6 @@ use crate::observation::{
     visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds, by_configuration};
-use crate::task::Belief;
-
-/// Which candidates share errors.
-#[derive(Debug, Clone)]
-pub(super) struct Neighbours {
-    /// The number of each candidate's configuration.
-    pub configurations: Vec<usize>,
-    /// The number of what each may share a visit with.
-    visits: Vec<usize>,
-}
-
-impl Neighbours {
-    pub fn of(readings: &[AbsoluteReading], belief: &Belief) -> Self {
-        let pose = |place: usize| readings[place].pose();
-        Self {
-            configurations: numbered(readings.len(), pose, |_, _| true),
-            visits: visit_classes(readings, belief),
-        }
-    }
-
-    /// Has candidates from a place on in visits of their own.
-    pub fn begin_visits(&mut self, first: usize) {
-        let known = self.visits.len();
-        for visit in &mut self.visits[first..] {
-            *visit += known;
-        }
-    }
-}
 
 /// A reading that is taken in so many visits alike.
 #[derive(Debug, Clone, Copy)]
@@ -77,12 +46,12 @@ impl AbsolutePlanning<'_> {
 
     /// A plan's readings that share a configuration, in the order of the first.
     pub(super) fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
-        by_configuration(plan, &self.neighbours.configurations)
+        by_configuration(plan, &self.configurations)
     }
 
     /// The readings of one configuration.
     fn repeated(&self, group: &[(usize, u32)]) -> Vec<RepeatedReading> {
-        let visits = visits_of(group, |place| self.neighbours.visits[place]);
+        let visits = visits_of(group, |place| self.visits[place]);
         let readings = visits.into_iter().enumerate();
         let readings = readings.flat_map(|(visits, Visits { count, readings })| {
             (readings.into_iter()).map(move |place| RepeatedReading {
@@ -180,7 +149,7 @@ impl AbsolutePlanning<'_> {
 
     /// What readings of some configurations tell (p x p each, in typical sizes), beside what is measured there already.
     pub(super) fn told_of(&self, groups: &[CandidatePlan]) -> Vec<DMatrix<f64>> {
-        let configurations = &self.neighbours.configurations;
+        let configurations = &self.configurations;
         let known_at = |group: &CandidatePlan| -> CandidatePlan {
             let is_here = |each: &&(usize, u32)| {
                 group
@@ -227,7 +196,7 @@ impl AbsolutePlanning<'_> {
         if self.ties_all() && !self.measured.is_empty() {
             return true;
         }
-        let configurations = &self.neighbours.configurations;
+        let configurations = &self.configurations;
         let here = |place: usize| {
             let is_here = |&(each, _): &(usize, u32)| configurations[each] == configurations[place];
             self.errors[place].are_shared() && self.measured.iter().any(is_here)
@@ -246,7 +215,7 @@ impl AbsolutePlanning<'_> {
         let mut by_number: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (index, &place) in places.iter().enumerate() {
             if self.errors[place].are_shared() {
-                let here = self.neighbours.configurations[place];
+                let here = self.configurations[place];
                 by_number.entry(here).or_default().push(index);
             }
         }
@@ -273,7 +242,7 @@ impl AbsolutePlanning<'_> {
                 errors: &self.errors[place],
             });
             let readings: Vec<SharingReading<'_>> = readings.collect();
-            let classes: Vec<usize> = here.map(|place| self.neighbours.visits[place]).collect();
+            let classes: Vec<usize> = here.map(|place| self.visits[place]).collect();
             let Together { once, each } = equations.bounds(&readings, &classes);
             (within(&once), each.iter().map(within).collect::<Vec<_>>())
         };

@@ -1,5 +1,6 @@
 //! What is searched: the planning problem in relative units.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::DMatrix;
@@ -262,6 +263,16 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// The same problem near an experiment's joint angles, whatever the bounds of the region.
+    pub(super) fn near(&self, experiment: &Experiment, within_rad: f64) -> Self {
+        let range = |angle: &f64| (angle - within_rad, angle + within_rad);
+        Self {
+            bounds: Vec::new(),
+            ranges: experiment.configuration_rad.iter().map(range).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The same problem beside what is known before and the mandatory experiments, for plans of so many
     /// measurements; `None` where there is neither, or where the mandatory ones are more.
     pub(super) fn beside_known(&self, measurements: u32) -> Option<Self> {
@@ -447,7 +458,10 @@ impl<'a> Problem<'a> {
 
     /// The scaled information matrix of a plan, with what is known before it.
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let plan = &*as_repeats(plan, self.extended);
+        let plan = &*match self.extended {
+            Some(extended) => as_repeats(plan, extended),
+            None => Cow::Borrowed(plan),
+        };
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();

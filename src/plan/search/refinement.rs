@@ -32,10 +32,6 @@ pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
     pub local: LocalSearch<'a>,
     pub sampler: RandomPlans<'a>,
-    /// Whether deflections of one configuration share errors,
-    is_shared_by_configuration: bool,
-    /// and whether a point tells something else where it is repeated more often.
-    is_shared_by_repeats: bool,
     /// The information of the mandatory experiments.
     pub mandatory: DMatrix<f64>,
     pub work: RefCell<Work>,
@@ -54,8 +50,6 @@ impl<'a> Refinement<'a> {
             problem,
             local: LocalSearch::new(problem),
             sampler: RandomPlans::new(problem),
-            is_shared_by_configuration: problem.is_shared_by_configuration(),
-            is_shared_by_repeats: problem.is_shared_by_repeats(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
@@ -236,14 +230,14 @@ impl<'a> Refinement<'a> {
 
     /// A point in a configuration of its own beside some, where those of one configuration share errors and another tells the same.
     pub fn apart(&mut self, point: Point, others: &[Point]) -> Point {
-        let apart =
-            (self.is_shared_by_configuration).then(|| self.sampler.variant_beside(&point, others));
+        let apart = (self.problem.is_shared_by_configuration())
+            .then(|| self.sampler.variant_beside(&point, others));
         apart.flatten().unwrap_or(point)
     }
 
     /// Adds what one repeat more or less of a point tells.
     fn change_repeats(&self, sum: &mut DMatrix<f64>, point: &Point, repeats: u32, change: i32) {
-        if self.is_shared_by_repeats {
+        if self.problem.is_shared_by_repeats() {
             self.add(sum, point, repeats, -1.0);
             self.add(sum, point, repeats.saturating_add_signed(change), 1.0);
         } else {
@@ -270,7 +264,7 @@ impl<'a> Refinement<'a> {
 
     /// A point as one that is repeated so often, where it then tells something else.
     fn repeated(&self, point: &Point, repeats: u32) -> Option<Point> {
-        (self.is_shared_by_repeats && repeats != 1).then(|| {
+        (self.problem.is_shared_by_repeats() && repeats != 1).then(|| {
             self.local.set_repeats(repeats);
             let repeated = (self.local).point(&point.q, &point.load, point.direction);
             self.local.set_repeats(1);
@@ -302,7 +296,7 @@ impl<'a> Refinement<'a> {
     /// Whether some points are one configuration, where those share errors, or would be one with repeats, where these do.
     fn has_coincident(&self, points: &[Point]) -> bool {
         let is_one = |one: &Point, other: &Point| {
-            if self.is_shared_by_configuration {
+            if self.problem.is_shared_by_configuration() {
                 return one.q == other.q;
             }
             one.load == other.load
@@ -312,7 +306,7 @@ impl<'a> Refinement<'a> {
         let is_earlier = |(place, point): (usize, &Point)| {
             points[..place].iter().any(|each| is_one(each, point))
         };
-        self.is_shared_by_repeats && points.iter().enumerate().any(is_earlier)
+        self.problem.is_shared_by_repeats() && points.iter().enumerate().any(is_earlier)
     }
 
     /// The cost of a plan with a point in place of another, beside the information of the rest; `apart` where experiments share
@@ -325,7 +319,7 @@ impl<'a> Refinement<'a> {
         rest: &DMatrix<f64>,
         apart: f64,
     ) -> f64 {
-        if !self.is_shared_by_repeats {
+        if !self.problem.is_shared_by_repeats() {
             return apart;
         }
         let mut points = found.points.clone();
