@@ -10,7 +10,7 @@
 //! test: rows and gradients of compliances alone, where only the instrument's noise disturbs (`compliances`), and the gradient of
 //! deflections of an arm without springs beside the joints' own (`gradient`). How sources of errors move a reading, and so any
 //! covariance, is told in one place (`reading_errors`): [`ReadingErrors`] are those of absolute readings by level;
-//! [`planned_information_of_groups`] is what readings tell that share them, and [`ConfigurationEquations`] bound it.
+//! [`ConfigurationEquations`] say what readings of one configuration tell together, which share them.
 
 mod compliances;
 mod gradient;

@@ -1,4 +1,4 @@
-//! Readings of one configuration: visits, and bounds of what readings tell that share errors (random effects).
+//! Readings of one configuration: visits, and the information of readings that share errors (random effects).
 //!
 //! With rows y = A x + `Z_c` `b_c` + `Z_v` `b_v` + e of unit normal effects b, of the configuration and of the visit, the normal
 //! equations N of visits by (x, `b_c`), their own effects eliminated, add up, and the information about x is the Schur complement
@@ -55,7 +55,7 @@ pub struct SharingReading<'a> {
     pub errors: &'a ReadingErrors,
 }
 
-/// What bounds the information of readings of one configuration about p parameters in typical sizes, to first order.
+/// The information of readings of one configuration about p parameters in typical sizes, to first order.
 #[derive(Debug, Clone)]
 pub struct ConfigurationEquations<'a> {
     model: ObservationModel<'a>,
@@ -78,6 +78,22 @@ impl<'a> ConfigurationEquations<'a> {
             model: ObservationModel::new(set, nominal, values.as_slice()),
             scales: set.scales(),
         }
+    }
+
+    /// What readings tell together that are taken in such visits (p x p).
+    pub fn information(
+        &mut self,
+        readings: &[SharingReading<'_>],
+        visits: &[Visits],
+    ) -> DMatrix<f64> {
+        let each: Vec<DMatrix<f64>> = readings.iter().map(|each| self.products(each)).collect();
+        let [size, outer] = [self.scales.len(), self.outer(readings)];
+        let mut sum = DMatrix::zeros(outer, outer);
+        for visit in visits {
+            let all = summed(visit.readings.iter().map(|&place| &each[place]));
+            sum += eliminated(&all, outer) * f64::from(visit.count);
+        }
+        eliminated(&sum, size)
     }
 
     /// Bounds of what readings tell, where those of each class may be of one visit: near for single readings of a visit, and for two of
@@ -143,6 +159,18 @@ fn best_effects(equations: &DMatrix<f64>, kept: usize) -> DMatrix<f64> {
     // Products plus one are positive definite.
     let factor = Cholesky::new(own + DMatrix::identity(effects, effects));
     factor.map_or(cross.clone(), |factor| factor.solve(&cross))
+}
+
+/// Equations in which effects take their best values.
+fn eliminated(equations: &DMatrix<f64>, kept: usize) -> DMatrix<f64> {
+    let effects = equations.nrows() - kept;
+    let mut left = equations.view((0, 0), (kept, kept)).into_owned();
+    if effects > 0 {
+        let cross = equations.view((kept, 0), (effects, kept));
+        left -= cross.tr_mul(&best_effects(equations, kept));
+        left.fill_upper_triangle_with_lower_triangle();
+    }
+    left
 }
 
 /// Equations in which effects are -K x, without the squares of these.

@@ -2,11 +2,8 @@
 
 use nalgebra::{DMatrix, Matrix6, Matrix6xX, Vector6};
 
-use super::visits::{ConfigurationEquations, SharingReading, visits_of};
-use super::{
-    PlannedReading, ReadingErrors, ReadingKind, Setup, SharingReadings, Whitener,
-    planned_information_of_groups, planned_rows,
-};
+use super::visits::{ConfigurationEquations, SharingReading, Visits, visits_of};
+use super::{PlannedReading, ReadingErrors, ReadingKind, Setup, Whitener, planned_rows};
 use crate::parameter::arms::{Numbers, ur10};
 use crate::parameter::{ElasticArm, ParameterKind, ParameterSet};
 use crate::robot::Load;
@@ -84,28 +81,9 @@ impl SharingCase {
         ConfigurationEquations::new(&self.set, &self.belief, &self.set.prior().mean)
     }
 
-    /// What readings tell that are taken so often.
-    fn information(&self, times: &[u32]) -> DMatrix<f64> {
+    fn visits(&self, times: &[u32]) -> Vec<Visits> {
         let all: Vec<(usize, u32)> = times.iter().copied().enumerate().collect();
-        let visits = visits_of(&all, |reading| self.classes[reading]);
-        let (mut planned, mut effects) = (Vec::new(), Vec::new());
-        for (visit, each) in visits.iter().enumerate() {
-            for &place in &each.readings {
-                let own = self.own[place] / f64::from(each.count);
-                planned.push(PlannedReading {
-                    setup: self.setups[place].clone(),
-                    kind: ReadingKind::Position,
-                    whitener: Whitener::of_covariance(&own).expect("positive"),
-                });
-                effects.push(self.errors[place].effects([visit, visits.len()], each.count));
-            }
-        }
-        let group = SharingReadings {
-            readings: (0..planned.len()).collect(),
-            effects,
-        };
-        let mean = &self.set.prior().mean;
-        planned_information_of_groups(&self.set, &self.belief, mean, &planned, &[group]).remove(0)
+        visits_of(&all, |reading| self.classes[reading])
     }
 
     /// J^T R^-1 J of every single reading, with every covariance between them written out.
@@ -159,17 +137,18 @@ fn information_is_that_of_the_whole_covariance() {
     .enumerate()
     {
         let case = SharingCase::new(seed as u64 + 1, &classes);
-        let found = case.information(times);
+        let found = case
+            .equations()
+            .information(&case.readings(), &case.visits(times));
         let expected = case.written_out(times);
         let off = (&found - &expected).amax() / expected.amax();
         assert!(off < 1e-9, "{times:?}: {off:e}");
         // And not what as many returns of the robot would tell.
         let alone: DMatrix<f64> = (times.iter().enumerate())
             .map(|(place, &times)| {
-                let one: Vec<u32> = (0..classes.len())
-                    .map(|at| u32::from(at == place))
-                    .collect();
-                case.information(&one) * f64::from(times)
+                let one = [(place, 1)];
+                let visits = visits_of(&one, |reading| case.classes[reading]);
+                case.equations().information(&case.readings(), &visits) * f64::from(times)
             })
             .sum();
         assert!(
@@ -197,7 +176,9 @@ fn bounds_hold_for_all_counts() {
         .collect();
     for number in 1..256_u32 {
         let times = [0, 2, 4, 6].map(|shift| number >> shift & 3);
-        let told = case.information(&times);
+        let told = case
+            .equations()
+            .information(&readings, &case.visits(&times));
         let mut most = bounds.once.clone();
         for (each, &times) in bounds.each.iter().zip(&times) {
             most += each * f64::from(times);

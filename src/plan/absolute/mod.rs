@@ -270,7 +270,7 @@ impl AbsolutePlanning<'_> {
         let told = |measured: &[(usize, u32)]| {
             let group = measured.iter();
             let group = group.map(|&(index, times)| (shown.places[index], times));
-            let told = self.told_of(&[group.collect()]).remove(0);
+            let told = self.told_by(&mut self.equations(), &group.collect::<CandidatePlan>());
             shown.basis.tr_mul(&told) * &shown.basis
         };
         let places = || shown.places.iter();

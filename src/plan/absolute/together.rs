@@ -9,8 +9,7 @@ use super::AbsolutePlanning;
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
-    SharingReadings, Together, Visits, Whitener, planned_information_of_groups, turned_columns,
-    visits_of,
+    SharingReadings, Together, Visits, Whitener, turned_columns, visits_of,
 };
 use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds, by_configuration};
 
@@ -40,8 +39,18 @@ impl RepeatedReading {
 impl AbsolutePlanning<'_> {
     /// The readings of a plan by their configurations: those of one visit, and of visits that read the same, together.
     pub fn by_configuration(&self, plan: &[(usize, u32)]) -> Vec<Vec<RepeatedReading>> {
-        let groups = self.groups(plan);
-        groups.iter().map(|group| self.repeated(group)).collect()
+        let of_group = |group: CandidatePlan| -> Vec<RepeatedReading> {
+            let visits = self.visits_in(&group).into_iter().enumerate();
+            let readings = visits.flat_map(|(visits, Visits { count, readings })| {
+                (readings.into_iter()).map(move |place| RepeatedReading {
+                    place,
+                    times: count,
+                    visits,
+                })
+            });
+            readings.collect()
+        };
+        (self.groups(plan).into_iter()).map(of_group).collect()
     }
 
     /// A plan's readings that share a configuration, in the order of the first.
@@ -49,18 +58,9 @@ impl AbsolutePlanning<'_> {
         by_configuration(plan, &self.configurations)
     }
 
-    /// The readings of one configuration.
-    fn repeated(&self, group: &[(usize, u32)]) -> Vec<RepeatedReading> {
-        let visits = visits_of(group, |place| self.visits[place]);
-        let readings = visits.into_iter().enumerate();
-        let readings = readings.flat_map(|(visits, Visits { count, readings })| {
-            (readings.into_iter()).map(move |place| RepeatedReading {
-                place,
-                times: count,
-                visits,
-            })
-        });
-        readings.collect()
+    /// The visits of one configuration.
+    fn visits_in(&self, group: &[(usize, u32)]) -> Vec<Visits> {
+        visits_of(group, |place| self.visits[place])
     }
 
     /// The covariance of the mean of so many readings of a candidate by what is new in each (m^2, m rad, rad^2), in the world frame.
@@ -138,57 +138,49 @@ impl AbsolutePlanning<'_> {
         self.case.loads[place][0]
     }
 
-    /// So many readings of a candidate, with what is new in each.
-    fn planned(&self, place: usize, times: u32) -> PlannedReading {
+    fn sharing_reading(&self, place: usize) -> SharingReading<'_> {
         let mut planned: PlannedReading = self.case.observations[place].planned();
-        if let Some(whitener) = Whitener::of_covariance(&self.own_covariance(place, times)) {
+        if let Some(whitener) = Whitener::of_covariance(&self.own_covariance(place, 1)) {
             planned.whitener = whitener;
         }
-        planned
-    }
-
-    /// What readings of some configurations tell (p x p each, in typical sizes), beside what is measured there already.
-    pub(super) fn told_of(&self, groups: &[CandidatePlan]) -> Vec<DMatrix<f64>> {
-        let configurations = &self.configurations;
-        let known_at = |group: &CandidatePlan| -> CandidatePlan {
-            let is_here = |each: &&(usize, u32)| {
-                group
-                    .first()
-                    .is_some_and(|first| configurations[first.0] == configurations[each.0])
-            };
-            self.measured.iter().filter(is_here).copied().collect()
-        };
-        let known: Vec<CandidatePlan> = groups.iter().map(known_at).collect();
-        let all = known.iter().zip(groups);
-        let all: Vec<CandidatePlan> = all
-            .map(|(known, group)| [&**known, group].concat())
-            .collect();
-        let mut told = self.told_together(&all);
-        if !self.measured.is_empty() {
-            for (told, known) in told.iter_mut().zip(self.told_together(&known)) {
-                *told -= known;
-            }
+        SharingReading {
+            planned,
+            errors: &self.errors[place],
         }
-        told
     }
 
-    /// The same of all readings of each configuration.
-    fn told_together(&self, groups: &[CandidatePlan]) -> Vec<DMatrix<f64>> {
-        let mut planned = Vec::new();
-        let sharing = groups.iter().map(|group| {
-            let (here, first) = (self.repeated(group), planned.len());
-            planned.extend(here.iter().map(|each| self.planned(each.place, each.times)));
-            let effects = here
-                .iter()
-                .map(|each| each.effects_by(&self.errors[each.place], &here));
-            SharingReadings {
-                readings: (first..planned.len()).collect(),
-                effects: effects.collect(),
-            }
-        });
-        let sharing: Vec<SharingReadings> = sharing.collect();
-        let (set, mean) = (&self.set, &self.set.prior().mean);
-        planned_information_of_groups(set, &self.case.arm, mean, &planned, &sharing)
+    pub(super) fn equations(&self) -> ConfigurationEquations<'_> {
+        ConfigurationEquations::new(&self.set, &self.case.arm, &self.set.prior().mean)
+    }
+
+    /// What readings of some configurations tell (p x p each, in typical sizes).
+    pub(super) fn told_of(&self, groups: &[CandidatePlan]) -> Vec<DMatrix<f64>> {
+        let of_group = |equations: &mut ConfigurationEquations<'_>, group: &CandidatePlan| {
+            self.told_by(equations, group)
+        };
+        (groups.par_iter())
+            .map_init(|| self.equations(), of_group)
+            .collect()
+    }
+
+    /// The same of one configuration, beside what is measured there already.
+    pub(super) fn told_by(
+        &self,
+        equations: &mut ConfigurationEquations<'_>,
+        group: &[(usize, u32)],
+    ) -> DMatrix<f64> {
+        let is_here = |&(place, _): &(usize, u32)| {
+            let here =
+                |other: &(usize, u32)| self.configurations[other.0] == self.configurations[place];
+            group.first().is_some_and(here)
+        };
+        let mut all: CandidatePlan = self.measured.iter().copied().filter(is_here).collect();
+        if all.is_empty() {
+            return self.told_together(equations, group);
+        }
+        let known = self.told_together(equations, &all);
+        all.extend(group);
+        self.told_together(equations, &all) - known
     }
 
     /// Whether readings that may be chosen share errors with such as are measured already: what they tell is then not bounded.
@@ -202,6 +194,21 @@ impl AbsolutePlanning<'_> {
             self.errors[place].are_shared() && self.measured.iter().any(is_here)
         };
         self.places().into_iter().any(here)
+    }
+
+    fn told_together(
+        &self,
+        equations: &mut ConfigurationEquations<'_>,
+        group: &[(usize, u32)],
+    ) -> DMatrix<f64> {
+        let readings = group.iter().map(|(place, _)| self.sharing_reading(*place));
+        let readings: Vec<SharingReading<'_>> = readings.collect();
+        let own = |place: usize| group.iter().position(|(each, _)| *each == place);
+        let mut visits = self.visits_in(group);
+        for each in visits.iter_mut().flat_map(|visit| &mut visit.readings) {
+            *each = own(*each).unwrap_or(0);
+        }
+        equations.information(&readings, &visits)
     }
 
     /// Whether readings of several of some candidates, or repeats of one, do not add up.
@@ -237,19 +244,15 @@ impl AbsolutePlanning<'_> {
         let within = |matrix: &DMatrix<f64>| basis.tr_mul(matrix) * basis;
         let of_group = |equations: &mut ConfigurationEquations<'_>, group: &Vec<usize>| {
             let here = group.iter().map(|&index| places[index]);
-            let readings = here.clone().map(|place| SharingReading {
-                planned: self.planned(place, 1),
-                errors: &self.errors[place],
-            });
+            let readings = here.clone().map(|place| self.sharing_reading(place));
             let readings: Vec<SharingReading<'_>> = readings.collect();
             let classes: Vec<usize> = here.map(|place| self.visits[place]).collect();
             let Together { once, each } = equations.bounds(&readings, &classes);
             (within(&once), each.iter().map(within).collect::<Vec<_>>())
         };
-        let equations =
-            || ConfigurationEquations::new(&self.set, &self.case.arm, &self.set.prior().mean);
-        let found: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> =
-            (groups.par_iter()).map_init(equations, of_group).collect();
+        let found: Vec<(DMatrix<f64>, Vec<DMatrix<f64>>)> = (groups.par_iter())
+            .map_init(|| self.equations(), of_group)
+            .collect();
         let (once, each) = (
             found.iter().map(|found| &found.0),
             found.iter().flat_map(|found| &found.1),
