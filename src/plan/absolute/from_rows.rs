@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::joint_functions::RobotFunctions;
-use super::readable::{check_stations, from_stations, possible, reading_of, wrong_readings};
+use super::readable::{check_station, from_stations, possible, reading_of, wrong_readings};
 use super::{AbsolutePlanning, CandidateError, place_rows, setup_of};
 use crate::experiment::{Candidate, numbered, read_candidates, together};
 use crate::files::FileError;
@@ -135,7 +135,7 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         rows: &[Candidate],
     ) -> Result<Self, CandidateError> {
-        check_stations(task, rows)?;
+        (rows.iter()).try_for_each(|row| check_station(task, row))?;
         let once = rows.iter().map(|row| Candidate {
             most: row.most.or(Some(1)),
             ..row.clone()

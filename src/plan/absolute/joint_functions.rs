@@ -94,11 +94,6 @@ impl RobotFunctions {
         }
     }
 
-    /// The covariance between two points.
-    fn between(&self, one: &ProcessPoint, other: &ProcessPoint) -> DMatrix<f64> {
-        one.covariance(other, &self.kernels)
-    }
-
     /// How standard normal numbers make the functions' values at some points (a row for each, of one function).
     pub fn roots(&self, points: &[&ProcessPoint]) -> Vec<DMatrix<f64>> {
         let places = |function: usize| points.iter().map(move |point| point.places[function]);
@@ -133,7 +128,7 @@ impl TiedReadings {
         for (row, gain) in self.gains().enumerate() {
             for (column, with) in self.with_poses.iter().enumerate() {
                 let [one, other] = [row, column].map(|pose| &functions.poses[pose]);
-                let own = functions.between(one, other) - &gain * with;
+                let own = one.covariance(other, &functions.kernels) - &gain * with;
                 left.view_mut((3 * row, 3 * column), (3, 3)).copy_from(&own);
             }
         }
@@ -231,8 +226,8 @@ impl AbsolutePlanning<'_> {
             let mut with = DMatrix::zeros(6 * readings.len(), 3);
             for (place, each) in readings.iter().enumerate() {
                 let point = &functions.candidates[each.place];
-                with.rows_mut(6 * place, 6)
-                    .copy_from(&functions.between(point, pose));
+                let between = point.covariance(pose, &functions.kernels);
+                with.rows_mut(6 * place, 6).copy_from(&between);
             }
             with
         };

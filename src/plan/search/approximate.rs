@@ -125,7 +125,8 @@ pub struct ApproximateDesign {
 impl ApproximateDesign {
     /// Its information, with what stands beside it.
     pub(super) fn information(&self, problem: &Problem<'_>) -> DMatrix<f64> {
-        let mut information = problem.information_beside();
+        let nothing = || DMatrix::zeros(problem.parameters(), problem.parameters());
+        let mut information = problem.beside.clone().unwrap_or_else(nothing);
         for (point, weight) in self.support.iter().zip(&self.weights) {
             add_information(&mut information, &point.matrix, *weight);
         }

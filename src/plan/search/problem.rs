@@ -117,7 +117,7 @@ impl<'a> Problem<'a> {
         let names = task.belief.uncertain.further().map(str::to_owned);
         let names: Vec<String> = names.collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
-            problem.impossible = Some(SearchError::CompliancesAlone { names });
+            problem.impossible = Some(SearchError::CompliancesAlone(names));
             return problem;
         }
         let size = problem.parameters();
@@ -170,23 +170,19 @@ impl<'a> Problem<'a> {
             missing.iter().partition(|&&index| silent[index]);
         let joints = self.joints();
         if missing.iter().any(|&index| index >= joints.len()) {
-            let names = named(&missing);
-            self.impossible = Some(SearchError::Undetermined { names });
+            self.impossible = Some(SearchError::Undetermined(named(&missing)));
         } else if !alone.is_empty() {
             let is_faint = |&&index: &&usize| {
                 is_loaded(self.evaluator(), &self.ranges, self.task, joints[index])
             };
             let (faint, idle): (Vec<usize>, Vec<usize>) = alone.iter().partition(is_faint);
             self.impossible = Some(if idle.is_empty() {
-                let joints = named(&faint);
-                SearchError::Faint { joints }
+                SearchError::Faint(named(&faint))
             } else {
-                let joints = named(&idle);
-                SearchError::NotExcited { joints }
+                SearchError::NotExcited(named(&idle))
             });
         } else if !together.is_empty() {
-            let joints = named(&together);
-            self.impossible = Some(SearchError::Inseparable { joints });
+            self.impossible = Some(SearchError::Inseparable(named(&together)));
         } else if basis.ncols() > 0 {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
             if kept.len() == basis.ncols() && self.extended.is_none() {
@@ -376,8 +372,8 @@ impl<'a> Problem<'a> {
     /// Plans over a region are not optimised by the problem's criterion, or what is asked for does not show.
     pub(super) fn optimised_as(&self) -> Result<Criterion, SearchError> {
         self.check_excited()?;
-        let criterion = self.criterion.name();
-        (self.criterion.bounded_as()).ok_or(SearchError::NotOptimised { criterion })
+        let not_optimised = SearchError::NotOptimised(self.criterion.name());
+        self.criterion.bounded_as().ok_or(not_optimised)
     }
 
     /// What is asked for must show in some experiments.
@@ -388,25 +384,16 @@ impl<'a> Problem<'a> {
         self.impossible.clone().map_or(Ok(()), Err)
     }
 
-    /// The information of what stands beside every design.
-    pub(super) fn information_beside(&self) -> DMatrix<f64> {
-        let size = self.parameters();
-        (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size))
-    }
-
-    /// The number of compliances, or of their combinations, of which nothing is known before.
-    pub fn to_find(&self) -> usize {
-        let size = self.parameters();
-        if self.is_informed() {
-            size - Estimable::new(&self.prior, &vec![1.0; size]).rank()
-        } else {
-            size
-        }
-    }
-
-    /// The fewest measurements that give as many numbers as there are to find.
+    /// The fewest measurements that give as many numbers as there are to find: unknowns, or their combinations, of which nothing is known
+    /// before.
     pub fn fewest(&self) -> u32 {
-        (self.task.belief.instrument.reads_along()).fewest(self.to_find())
+        let size = self.parameters();
+        let known = if self.is_informed() {
+            Estimable::new(&self.prior, &vec![1.0; size]).rank()
+        } else {
+            0
+        };
+        (self.task.belief.instrument.reads_along()).fewest(size - known)
     }
 
     /// Whether a plan determines what the criterion asks for.

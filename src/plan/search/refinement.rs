@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use nalgebra::{DMatrix, Matrix3xX};
 
-use super::local::{LocalSearch, Precision};
+use super::local::Precision;
 use super::point::{Point, add_information, in_directions};
 use super::problem::Problem;
 use super::sampling::RandomPlans;
@@ -30,7 +30,6 @@ pub(super) struct Found {
 /// Refines plans; one for each thread.
 pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
-    pub local: LocalSearch<'a>,
     pub sampler: RandomPlans<'a>,
     /// The information of the mandatory experiments.
     pub mandatory: DMatrix<f64>,
@@ -48,7 +47,6 @@ impl<'a> Refinement<'a> {
         let size = problem.parameters();
         Self {
             problem,
-            local: LocalSearch::new(problem),
             sampler: RandomPlans::new(problem),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
@@ -63,7 +61,7 @@ impl<'a> Refinement<'a> {
     pub fn known(&self, experiments: &[Experiment]) -> Found {
         let points = experiments.iter().map(|each| {
             let q = each.configuration_rad.as_slice();
-            self.local.point(q, &each.load, each.direction)
+            self.sampler.local.point(q, &each.load, each.direction)
         });
         let repeats = experiments.iter().map(|each| each.repeats).collect();
         self.plan(points.collect(), repeats)
@@ -160,7 +158,7 @@ impl<'a> Refinement<'a> {
                 found.points[index] = better;
                 continue;
             }
-            let is_inside = self.local.is_inside(&present.q, &present.load);
+            let is_inside = self.sampler.local.is_inside(&present.q, &present.load);
             if is_inside && !extrapolated {
                 continue;
             }
@@ -183,8 +181,8 @@ impl<'a> Refinement<'a> {
             let points = before.iter().zip(&best.points).map(|(before, after)| {
                 let q = (before.q.iter().zip(&after.q))
                     .map(|(before, after)| after + factor * (after - before));
-                let q = self.local.in_ranges(q.collect());
-                self.local.point(&q, &after.load, after.direction)
+                let q = self.sampler.local.in_ranges(q.collect());
+                self.sampler.local.point(&q, &after.load, after.direction)
             });
             let found = self.plan(points.collect(), best.repeats.clone());
             if found.cost >= lowest {
@@ -265,9 +263,9 @@ impl<'a> Refinement<'a> {
     /// A point as one that is repeated so often, where it then tells something else.
     fn repeated(&self, point: &Point, repeats: u32) -> Option<Point> {
         (self.problem.is_shared_by_repeats() && repeats != 1).then(|| {
-            self.local.set_repeats(repeats);
-            let repeated = (self.local).point(&point.q, &point.load, point.direction);
-            self.local.set_repeats(1);
+            self.sampler.local.set_repeats(repeats);
+            let repeated = (self.sampler.local).point(&point.q, &point.load, point.direction);
+            self.sampler.local.set_repeats(1);
             repeated
         })
     }
@@ -362,19 +360,19 @@ impl<'a> Refinement<'a> {
             }
             value
         };
-        let is_outside = !self.local.is_inside(&present.q, &present.load);
+        let is_outside = !self.sampler.local.is_inside(&present.q, &present.load);
         let before = cost(&present.matrix, None);
         if is_repeated {
-            self.local.set_repeats(repeats);
+            self.sampler.local.set_repeats(repeats);
         }
-        let improved = (self.local.improve(present, &cost, precision))
+        let improved = (self.sampler.local.improve(present, &cost, precision))
             .filter(|improved| is_outside || cost(&improved.matrix, None) < before);
         if !is_repeated {
             return self.sampler.clear_variant(&improved?);
         }
         // A point keeps what it tells once: its repeats may move.
-        self.local.set_repeats(1);
+        self.sampler.local.set_repeats(1);
         let clear = self.sampler.clear_variant(&improved?)?;
-        Some((self.local).point(&clear.q, &clear.load, clear.direction))
+        Some((self.sampler.local).point(&clear.q, &clear.load, clear.direction))
     }
 }
