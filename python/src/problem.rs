@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use elastocal::plan::search::Problem;
-use elastocal::plan::{Criterion, Experiment, Feasibility, Plan};
+use elastocal::plan::{Experiment, Feasibility, Plan};
 use elastocal::robot::{Load, ObservationMatrix};
 use elastocal::scenario::Scenario;
 use nalgebra::{Dim, Matrix, RawStorage};
@@ -178,7 +178,7 @@ impl PlanningProblem {
     }
 
     fn value_and_gradient(&self, plan: &Plan) -> (f64, Rows) {
-        let problem = Problem::of_all(&self.scenario.task, Criterion::TestPose);
+        let problem = Problem::of_all(&self.scenario.task);
         problem.cost_and_gradient(plan)
     }
 }

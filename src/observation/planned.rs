@@ -98,7 +98,7 @@ impl<'a> PlannedReadings<'a> {
             tool: &arm.tools[target],
         };
         let rows = PlannedRows::Any(Box::new(observed), gradient);
-        Self::of(bare, sizes.len(), precision, rows).disturbed_by(sources)
+        Self::of(bare, sizes.len(), precision, rows, sources)
     }
 
     /// The readings where the compliances of some joints alone are to be found, and only the instrument's noise
@@ -111,7 +111,7 @@ impl<'a> PlannedReadings<'a> {
     ) -> Self {
         let rows = ComplianceRows::new(arm.chain.len(), joints, sizes, precision);
         let rows = PlannedRows::Compliances(Box::new(rows));
-        Self::of(arm, sizes.len(), precision, rows)
+        Self::of(arm, sizes.len(), precision, rows, &[])
     }
 
     fn of(
@@ -119,6 +119,7 @@ impl<'a> PlannedReadings<'a> {
         parameters: usize,
         precision: DeflectionPrecision,
         rows: PlannedRows<'a>,
+        sources: &'a [ReadingSource],
     ) -> Self {
         Self {
             q: vec![0.0; arm.chain.len()],
@@ -127,16 +128,11 @@ impl<'a> PlannedReadings<'a> {
             precision,
             shown: ShownRows::of(&precision, None),
             is_along: false,
-            sources: &[],
+            sources,
             repeats: 1.0,
             parameters,
             rows,
         }
-    }
-
-    const fn disturbed_by(mut self, sources: &'a [ReadingSource]) -> Self {
-        self.sources = sources;
-        self
     }
 
     /// The same where nothing is read, as at a test pose: see [`Self::uncompensated`].
@@ -300,15 +296,10 @@ impl<'a> PlannedReadings<'a> {
         sum * self.times(source)
     }
 
-    /// What one of the sources adds to a reading's covariance.
-    pub fn covariance_of(&self, source: usize, load: &Load) -> Matrix6<f64> {
-        self.added(&self.sources[source], load)
-    }
-
     /// What all sources add to the instrument's noise.
     pub fn covariance_of_all(&self, load: &Load) -> Matrix6<f64> {
-        let sources = 0..self.sources.len();
-        sources.map(|source| self.covariance_of(source, load)).sum()
+        let sources = self.sources.iter();
+        sources.map(|source| self.added::<6>(source, load)).sum()
     }
 
     /// Which reading without the load deflections rest on.
@@ -317,8 +308,7 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    fn covariance_between(&self, source: usize, one: &Load, other: &Load) -> Matrix6<f64> {
-        let source = &self.sources[source];
+    fn covariance_between(&self, source: &ReadingSource, one: &Load, other: &Load) -> Matrix6<f64> {
         match source.shared_part(self.unloaded()) {
             0.0 => Matrix6::zeros(),
             part => {
@@ -337,7 +327,7 @@ impl<'a> PlannedReadings<'a> {
 
     /// What all sources add to it.
     pub fn covariance_shared(&self, one: &Load, other: &Load) -> Matrix6<f64> {
-        let sources = 0..self.sources.len();
+        let sources = self.sources.iter();
         sources
             .map(|source| self.covariance_between(source, one, other))
             .sum()
@@ -408,12 +398,12 @@ impl<'a> PlannedReadings<'a> {
                     part
                 }
         });
-        let sources = (0..self.sources.len()).map(|source| {
+        let sources = self.sources.iter().map(|source| {
             together(&mut |row, column| {
                 let (load, repeats) = &experiments[row];
                 if row == column {
                     self.set_repeats(*repeats);
-                    self.covariance_of(source, load)
+                    self.added(source, load)
                 } else {
                     self.covariance_between(source, load, &experiments[column].0)
                 }

@@ -5,37 +5,26 @@ use std::borrow::Cow;
 use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
-use crate::observation::{BareArm, DeflectionPrecision, PlannedReadings};
+use crate::observation::PlannedReadings;
 use crate::robot::Load;
 use crate::task::{Belief, Extended};
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct ExperimentModel<'a> {
-    /// The nominal arm with the calibration tool.
-    pub arm: BareArm<'a>,
-    /// The identified joints.
-    pub parameters: &'a [usize],
-    /// How precisely experiments are read.
-    pub precision: DeflectionPrecision,
-    /// What else is uncertain.
-    pub uncertain: Option<&'a Extended>,
+    /// What the planner believes in.
+    pub belief: &'a Belief,
 }
 
 impl<'a> ExperimentModel<'a> {
     /// The model that a planner believes in.
-    pub fn new(belief: &'a Belief) -> Self {
-        Self {
-            arm: belief.arm_with(&belief.calibration_tool),
-            parameters: &belief.parameters,
-            precision: belief.instrument.precision(),
-            uncertain: Some(&belief.uncertain).filter(|each| !each.has_closed_forms()),
-        }
+    pub const fn new(belief: &'a Belief) -> Self {
+        Self { belief }
     }
 
     /// The number of rows of an experiment's observation matrix: 3, or 6 where rotations are measured.
-    pub const fn rows(&self) -> usize {
-        self.precision.rows()
+    pub fn rows(&self) -> usize {
+        self.belief.instrument.precision().rows()
     }
 
     /// The observation matrix A^(p) of an experiment (eqs. 4, 7), 3 x p, at the commanded angles, with the
@@ -43,16 +32,18 @@ impl<'a> ExperimentModel<'a> {
     /// standard deviation of rotations. Where more is uncertain there are columns for that, and rows are
     /// weighted: `sigma_m` L^-1 J with the reading's covariance L L^T.
     pub fn observation_matrix(&self, experiment: &Experiment) -> DMatrix<f64> {
-        self.rows_of(&mut self.readings(), experiment)
+        rows_of(&mut self.readings(), self.belief, experiment)
     }
 
     /// The readings that are planned, with derivatives by all unknowns in their units.
     pub fn readings(&self) -> PlannedReadings<'a> {
-        if let Some(extended) = self.uncertain {
-            return extended.readings_of_all(self.precision);
+        let (belief, precision) = (self.belief, self.belief.instrument.precision());
+        if !belief.uncertain.has_closed_forms() {
+            return belief.uncertain.readings_of_all(precision);
         }
-        let sizes = vec![1.0; self.parameters.len()];
-        PlannedReadings::of_compliances(self.arm, self.parameters, &sizes, self.precision)
+        let arm = belief.arm_with(&belief.calibration_tool);
+        let sizes = vec![1.0; belief.parameters.len()];
+        PlannedReadings::of_compliances(arm, &belief.parameters, &sizes, precision)
     }
 
     /// The observation matrices of all experiments of a plan, in its order: as [`Self::observation_matrix`], those of one
@@ -78,13 +69,12 @@ impl<'a> ExperimentModel<'a> {
         model: &mut PlannedReadings<'_>,
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
-        let is_shared = (self.uncertain).is_some_and(Extended::is_shared_by_configuration);
-        if is_shared {
+        if self.belief.is_shared_by_configuration() {
             return self.rows_together(model, experiments);
         }
         let experiments = experiments.iter();
         experiments
-            .map(|experiment| self.rows_of(model, experiment))
+            .map(|experiment| rows_of(model, self.belief, experiment))
             .collect()
     }
 
@@ -95,36 +85,39 @@ impl<'a> ExperimentModel<'a> {
         experiments: &[&Experiment],
     ) -> Vec<DMatrix<f64>> {
         if let [only] = experiments {
-            return vec![self.rows_of(model, only)];
+            return vec![rows_of(model, self.belief, only)];
         }
         stand_at(model, experiments[0]);
         let rows = model.observe_together(&hung(experiments));
         rows.into_iter()
-            .map(|rows| rows * self.precision.sigma_m)
+            .map(|rows| rows * self.belief.instrument.sigma_m)
             .collect()
-    }
-
-    /// `sigma_m` times the whitened rows of an experiment, those of rotations below those of positions.
-    fn rows_of(&self, model: &mut PlannedReadings<'_>, experiment: &Experiment) -> DMatrix<f64> {
-        let size = model.parameters();
-        let blocks = self.rows() / 3;
-        let mut matrix = Matrix3xX::zeros(blocks * size);
-        model.set_repeats(experiment.repeats);
-        stand_at(model, experiment);
-        model.observe(&experiment.load, &mut matrix);
-        matrix *= self.precision.sigma_m;
-        let mut rows = DMatrix::zeros(3 * blocks, size);
-        for block in 0..blocks {
-            rows.rows_mut(3 * block, 3)
-                .copy_from(&matrix.columns(block * size, size));
-        }
-        rows
     }
 }
 
+/// `sigma_m` of a belief times the whitened rows of an experiment, those of rotations below those of positions.
+pub(super) fn rows_of(
+    model: &mut PlannedReadings<'_>,
+    belief: &Belief,
+    experiment: &Experiment,
+) -> DMatrix<f64> {
+    let (size, blocks) = (model.parameters(), model.rows() / 3);
+    let mut matrix = Matrix3xX::zeros(blocks * size);
+    model.set_repeats(experiment.repeats);
+    stand_at(model, experiment);
+    model.observe(&experiment.load, &mut matrix);
+    matrix *= belief.instrument.sigma_m;
+    let mut rows = DMatrix::zeros(3 * blocks, size);
+    for block in 0..blocks {
+        rows.rows_mut(3 * block, 3)
+            .copy_from(&matrix.columns(block * size, size));
+    }
+    rows
+}
+
 /// A plan whose experiments that are alike are one, with repeats, where these share errors of rounding.
-pub fn as_repeats<'p>(plan: &'p Plan, uncertain: Option<&Extended>) -> Cow<'p, Plan> {
-    if uncertain.is_none_or(|each| each.along_step_m() <= 0.0) {
+pub fn as_repeats<'p>(plan: &'p Plan, uncertain: &Extended) -> Cow<'p, Plan> {
+    if uncertain.along_step_m() <= 0.0 {
         return Cow::Borrowed(plan);
     }
     let mut plan = plan.clone();

@@ -2,11 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{Experiment, ExperimentModel, Plan, posterior, rho0_m};
+use super::{Experiment, Plan, posterior, rho0_m, rows_of};
 use crate::codes::{Condition, ConditionCode};
 use crate::compensation::{compensate_arm, test_pose_matrix};
 use crate::identification::UNKNOWN_COMPLIANCE;
 use crate::numeric::posterior::Posterior;
+use crate::observation::PlannedReadings;
 use crate::parameter::{ParameterKind, ParameterSet};
 use crate::robot::{Approach, EquilibriumSolver, Load};
 use crate::task::{Belief, Method, Task};
@@ -153,14 +154,12 @@ fn bent_far(task: &Task, plan: &Plan) -> Option<Condition> {
     let belief = &task.belief;
     let compliance = DVector::from_column_slice(&belief.nominal.compliance_rad_per_nm);
     let joints: Vec<usize> = (0..compliance.len()).collect();
-    let model = ExperimentModel {
-        parameters: &joints,
-        uncertain: None,
-        ..ExperimentModel::new(belief)
-    };
+    let arm = belief.arm_with(&belief.calibration_tool);
+    let (sizes, precision) = (vec![1.0; joints.len()], belief.instrument.precision());
+    let mut model = PlannedReadings::of_compliances(arm, &joints, &sizes, precision);
     let moved_m = |rows: DMatrix<f64>| (rows.rows(0, rows.nrows().min(3)) * &compliance).norm();
     let measured = plan.experiments.iter().enumerate().map(|(index, each)| {
-        let moved_m = moved_m(model.observation_matrix(each));
+        let moved_m = moved_m(rows_of(&mut model, belief, each));
         (format!("experiment {}", index + 1), moved_m)
     });
     let at_work = task.test_poses.iter().map(|pose| {

@@ -94,7 +94,7 @@ pub fn left_by_readings(
     in_truth: impl Fn(&[&Experiment], CovarianceTogether) -> CovarianceTogether,
 ) -> (f64, Vec<f64>) {
     let experiments = ExperimentModel::new(&task.belief);
-    let plan = &*as_repeats(plan, experiments.uncertain);
+    let plan = &*as_repeats(plan, &task.belief.uncertain);
     let mut model = experiments.readings();
     let (mut noise, mut of_sources) = (0.0, Vec::new());
     for group in sharing_groups(plan, is_shared) {

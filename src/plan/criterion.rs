@@ -93,10 +93,8 @@ impl Criterion {
     /// the inverse of M: `rho_0`^2, A, and the inverse of D, also for O1.
     pub fn value_of_cost(self, cost: f64) -> f64 {
         match self {
-            Self::TestPose => cost.sqrt(),
-            Self::D => cost.recip(),
-            Self::O1 => cost.recip().sqrt(),
-            _ => cost,
+            Self::O1 => Self::D.value_of_own_cost(cost).sqrt(),
+            _ => self.value_of_own_cost(cost),
         }
     }
 

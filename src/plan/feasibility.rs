@@ -49,12 +49,8 @@ impl Violation {
     /// What is wrong in words, without a number.
     fn in_words(what: &str, words: String) -> Self {
         Self {
-            experiment: None,
-            what: what.to_owned(),
-            found: f64::NAN,
-            bound: f64::NAN,
-            unit: "",
             words: Some(words),
+            ..Self::of_size(what.to_owned(), [f64::NAN; 2], "")
         }
     }
 
@@ -88,20 +84,14 @@ impl Violation {
 
 impl std::fmt::Display for Violation {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            experiment,
-            what,
-            found,
-            bound,
-            unit,
-            words,
-        } = self;
-        if let Some(experiment) = experiment {
+        if let Some(experiment) = self.experiment {
             write!(formatter, "experiment {experiment}: ")?;
         }
-        if let Some(words) = words {
+        if let Some(words) = &self.words {
             return formatter.write_str(words);
         }
+        let (what, unit) = (&self.what, self.unit);
+        let (found, bound) = (self.found, self.bound);
         write!(
             formatter,
             "{what} is {found:.3} {unit}; the bound is {bound:.3} {unit}"
@@ -260,16 +250,12 @@ impl<'a> Feasibility<'a> {
         else {
             return BTreeSet::new();
         };
-        let Belief {
-            nominal,
-            calibration_tool,
-            ..
-        } = &self.task.belief;
+        let belief = &self.task.belief;
         let q = experiment.configuration_rad.as_slice();
         let mut pairs = BTreeSet::new();
         for load in [Load::NONE, experiment.load] {
-            let mut arm = nominal.chain.at(calibration_tool);
-            let compliance = &nominal.compliance_rad_per_nm;
+            let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
+            let compliance = &belief.nominal.compliance_rad_per_nm;
             if self.solver.solve(&mut arm, compliance, q, &load).is_ok() {
                 simulation.move_to(self.solver.q());
                 pairs.append(&mut simulation.contacts(clearance));
@@ -314,14 +300,12 @@ impl<'a> Feasibility<'a> {
     }
 
     fn violated_bounds(&mut self, q: &[f64], load: &Load) -> Vec<Violation> {
-        let Belief {
-            nominal,
-            calibration_tool,
-            ..
-        } = &self.task.belief;
-        let gravity = nominal.chain.gravity_m_s2;
-        let state = &mut self.state;
-        nominal.chain.at(calibration_tool).update(q, state);
+        let (chain, tool) = (
+            &self.task.belief.nominal.chain,
+            &self.task.belief.calibration_tool,
+        );
+        let (gravity, state) = (chain.gravity_m_s2, &mut self.state);
+        chain.at(tool).update(q, state);
         let bounds = self.bounds.iter();
         bounds
             .filter(|bound| bound.margin(state, load, &gravity) < -ROUNDING)

@@ -17,6 +17,7 @@ mod turns;
 mod uncertainty_budget;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
+use accuracy::rows_of;
 pub use accuracy::{ExperimentModel, as_repeats, hung, sharing_groups, stand_at};
 pub use assessment::{Assessment, FurtherError, violated};
 pub use conditions::less_than_nominal;

@@ -13,7 +13,7 @@ use crate::task::{Belief, Task};
 /// What is known of the unknowns after the plan, whatever is read.
 pub fn posterior(belief: &Belief, plan: &Plan) -> Posterior {
     let model = ExperimentModel::new(belief);
-    let plan = &*as_repeats(plan, model.uncertain);
+    let plan = &*as_repeats(plan, &belief.uncertain);
     // A plan without experiments tells as much as one that tells nothing.
     let rows = model.rows();
     let before = belief.uncertain.prior_rows();

@@ -232,7 +232,7 @@ fn bias(
 ) -> DMatrix<f64> {
     let belief = &task.belief;
     let model = ExperimentModel::new(belief);
-    let plan = &*as_repeats(plan, model.uncertain);
+    let plan = &*as_repeats(plan, &belief.uncertain);
     let mut planned = model.readings();
     let mut foreign = -deviations.test_poses(task);
     for group in sharing_groups(plan, deviations.is_shared_by_configuration()) {

@@ -163,7 +163,7 @@ impl<'a> Deviations<'a> {
             let mut own = beyond_springs(&self.arm, robot, 0, q, &experiment.load);
             if let Some(direction) = &experiment.direction {
                 let share = ReadingSource::share_along(&self.believed);
-                let along = model.precision.along(direction) * share;
+                let along = model.belief.instrument.precision().along(direction) * share;
                 own = Vector6::ith(0, along.dot(&own.fixed_rows::<3>(0)));
             }
             (seen.rows_mut(height * place, height)).copy_from(&own.rows(0, height));

@@ -93,7 +93,7 @@ impl<'a> LinearModel<'a> {
     /// # Errors
     /// The plan does not determine what the test poses need.
     pub fn plan(&self, plan: &Plan) -> Result<PlanModel, Failure> {
-        let plan = &*as_repeats(plan, self.experiments.uncertain);
+        let plan = &*as_repeats(plan, &self.experiments.belief.uncertain);
         let groups = sharing_groups(plan, self.deviations.is_shared_by_configuration());
         let observed = self.observed(&groups);
         let counted = self.counted(&observed, &groups);
@@ -249,7 +249,7 @@ impl<'a> LinearModel<'a> {
 
     /// What a plan determines, and its basis in rad/(N m), where that is not everything.
     fn determined_part(&self, information: &DMatrix<f64>) -> Option<(Estimable, DMatrix<f64>)> {
-        let sigma_m = self.experiments.precision.sigma_m;
+        let sigma_m = self.experiments.belief.instrument.sigma_m;
         let typical = &self.typical;
         let relative = DMatrix::from_fn(typical.len(), typical.len(), |row, column| {
             information[(row, column)] * (typical[row] / sigma_m) * (typical[column] / sigma_m)
@@ -269,7 +269,7 @@ impl<'a> LinearModel<'a> {
     fn determines_test_poses(&self, estimable: &Estimable, errors: &DMatrix<f64>) -> bool {
         (0..errors.ncols()).step_by(3).all(|first| {
             let variance = errors.columns(first, 3).norm_squared();
-            let error_m = variance.sqrt() * self.experiments.precision.sigma_m;
+            let error_m = variance.sqrt() * self.experiments.belief.instrument.sigma_m;
             let rows = self.test_poses.rows(first, 3).into_owned();
             estimable.missing(&rows, error_m).is_empty()
         })

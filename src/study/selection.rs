@@ -344,7 +344,8 @@ impl Chooser<'_> {
             told: self.told.clone(),
             most: vec![1; self.told.count()],
             configurations: (0..self.told.count()).collect(),
-            sharing: None,
+            told_together: None,
+            bounds: None,
         }
     }
 

@@ -364,7 +364,7 @@ fn a_determined_sum_is_as_good_as_one_joint() {
     let joints = vec!["first".to_owned(), "second".to_owned()];
     assert_eq!(
         exact_design(&wanted, &bound, PlanSize::all_different(3), 1, watch, &[]),
-        Err(SearchError::Inseparable { joints })
+        Err(SearchError::Inseparable(joints))
     );
 }
 

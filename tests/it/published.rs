@@ -53,7 +53,7 @@ fn the_plans_of_table_4_give_all_of_table_5() {
         });
         let information: nalgebra::DMatrix<f64> = information.sum();
         let covariance =
-            information.try_inverse().expect("regular") * model.precision.sigma_m.powi(2);
+            information.try_inverse().expect("regular") * model.belief.instrument.sigma_m.powi(2);
         for (index, printed) in printed.iter().enumerate() {
             let ours = covariance[(index, index)].sqrt() * 1e9;
             assert!(

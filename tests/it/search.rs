@@ -518,7 +518,7 @@ fn a_compliance_that_no_load_excites_is_named() {
     leave_open(&mut scenario, &joints);
     let error = quick(&scenario, Criterion::TestPose, 3).expect_err("axis 1 does not show");
     let joints = vec!["joint_1".to_owned()];
-    assert_eq!(error, SearchError::NotExcited { joints });
+    assert_eq!(error, SearchError::NotExcited(joints));
 }
 
 /// Under a task load in the plane of axis 1, its compliance does not matter.
@@ -547,7 +547,7 @@ fn a_compliance_that_neither_shows_nor_matters_is_left_out() {
     // Other criteria are about all compliances.
     let error = quick(&with, Criterion::D, 3).expect_err("axis 1 does not show");
     let joints = vec!["joint_1".to_owned()];
-    assert_eq!(error, SearchError::NotExcited { joints });
+    assert_eq!(error, SearchError::NotExcited(joints));
 }
 
 #[test]

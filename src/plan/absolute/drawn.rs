@@ -27,7 +27,6 @@ use crate::plan::Criterion;
 use crate::plan::search::{
     BoundKind, CandidatePlan, PlanBound, PlanSize, Problem, RandomPlans, Watch, measure,
 };
-use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 use crate::task::{Loading, Station, Task, station_named};
 
@@ -97,11 +96,20 @@ impl ReadingsWanted<'_> {
         task: &'t Task,
         seed: u64,
     ) -> Result<AbsolutePlanning<'t>, CandidateError> {
-        if let Some(rows) = self.candidates {
-            return AbsolutePlanning::beside(task, self.groups, self.measured, rows);
-        }
-        let rows = sampled_candidates(task, self.configurations, seed)?;
-        AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows)
+        let rows = match self.candidates {
+            Some(rows) => merged(rows),
+            None => sampled_candidates(task, self.configurations, seed)?,
+        };
+        self.of_rows(task, &rows)
+    }
+
+    /// The same of any rows.
+    pub(super) fn of_rows<'t>(
+        &self,
+        task: &'t Task,
+        rows: &[Candidate],
+    ) -> Result<AbsolutePlanning<'t>, CandidateError> {
+        AbsolutePlanning::of_rows(task, self.groups, self.measured, rows)
     }
 
     /// The best plan that is found of so many readings, of so many different candidates.
@@ -138,9 +146,7 @@ impl ReadingsWanted<'_> {
             let found = planning.design_from(&known, size, seed, watch)?;
             return Ok(PlanOfRows::new(planning, found));
         }
-        let of_rows = |rows: &[Candidate]| {
-            AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, rows)
-        };
+        let of_rows = |rows: &[Candidate]| self.of_rows(planning.task, rows);
         let rounds = Rounds {
             size,
             seed,
@@ -192,7 +198,7 @@ impl ReadingsWanted<'_> {
         let rows: Vec<Candidate> = rows.cloned().collect();
         *planning = AbsolutePlanning {
             offer: planning.offer.clone(),
-            ..AbsolutePlanning::of_rows(planning.task, self.groups, self.measured, &rows)?
+            ..self.of_rows(planning.task, &rows)?
         };
         let placed = found.into_iter().map(|each| {
             // Those that were chosen are possible.
@@ -372,8 +378,7 @@ impl AbsolutePlanning<'_> {
             let mut drawn = 0;
             while drawn < readings && !places.is_empty() {
                 let place = places[random.random_range(0..places.len())];
-                let most = self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
-                if plan.contains(&(place, most)) {
+                if plan.contains(&(place, self.most(place))) {
                     places.retain(|&each| each != place);
                     continue;
                 }

@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use super::joint_functions::RobotFunctions;
-use super::readable::{check_stations, from_stations, possible, reading_of, wrong_readings};
-use super::together::Neighbours;
+use super::readable::{check_station, from_stations, possible, reading_of, wrong_readings};
 use super::{AbsolutePlanning, CandidateError, place_rows, setup_of};
-use crate::experiment::{Candidate, read_candidates, together};
+use crate::experiment::{Candidate, numbered, read_candidates, together};
 use crate::files::FileError;
-use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup};
+use crate::identification::{AbsoluteCase, IdentificationError, ParameterGroup, visit_classes};
 use crate::measurement::AbsoluteReading;
 use crate::observation::{PlannedReading, ReadingErrors, ReadingKind};
 use crate::parameter::{ReadingSource, relative_precision};
@@ -23,24 +22,11 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         rows: &[Candidate],
     ) -> Result<Self, CandidateError> {
-        Self::beside(task, groups, &[], rows)
+        Self::of_rows(task, groups, &[], &merged(rows))
     }
 
-    /// The same beside readings that are taken already: what they tell is known before, and new ones in their configurations share
-    /// errors with them.
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn beside(
-        task: &'a Task,
-        groups: &[ParameterGroup],
-        measured: &[AbsoluteReading],
-        rows: &[Candidate],
-    ) -> Result<Self, CandidateError> {
-        Self::of_rows(task, groups, measured, &merged(rows))
-    }
-
-    /// The same where rows that are alike stay apart.
+    /// The same where rows that are alike stay apart, beside readings that are taken already: what they tell is known before, and new
+    /// ones in their configurations share errors with them.
     pub(super) fn of_rows(
         task: &'a Task,
         groups: &[ParameterGroup],
@@ -102,7 +88,8 @@ impl<'a> AbsolutePlanning<'a> {
             before: relative_precision(&set),
             unasked: case.unasked(groups),
             offer,
-            neighbours: Neighbours::of(&readings, &task.belief),
+            configurations: numbered(readings.len(), |place| readings[place].pose(), |_, _| true),
+            visits: visit_classes(&readings, &task.belief),
             candidates,
             case,
             set,
@@ -115,11 +102,15 @@ impl<'a> AbsolutePlanning<'a> {
 
     /// With the last candidates, read so often, as known before.
     fn knowing(mut self, measured: CandidatePlan) -> Self {
-        for told in self.told_of(&self.neighbours.groups(&measured)) {
+        for told in self.told_of(&self.groups(&measured)) {
             self.before += told;
         }
         if let Some(&(first, _)) = measured.first() {
-            self.neighbours.begin_visits(first);
+            // They were read in visits of their own.
+            let known = self.visits.len();
+            for visit in &mut self.visits[first..] {
+                *visit += known;
+            }
         }
         self.measured = measured;
         self
@@ -144,7 +135,7 @@ impl<'a> AbsolutePlanning<'a> {
         groups: &[ParameterGroup],
         rows: &[Candidate],
     ) -> Result<Self, CandidateError> {
-        check_stations(task, rows)?;
+        (rows.iter()).try_for_each(|row| check_station(task, row))?;
         let once = rows.iter().map(|row| Candidate {
             most: row.most.or(Some(1)),
             ..row.clone()

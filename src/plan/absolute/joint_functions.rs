@@ -13,7 +13,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix6xX, SymmetricEigen};
 
-use super::predicted_accuracy::{PlaceRows, PredictedAccuracy, known_after, stacked_task};
+use super::predicted_accuracy::PlaceRows;
 use super::{AbsolutePlanning, RepeatedReading};
 use crate::identification::AbsoluteCase;
 use crate::numeric::factorisation::inverse_of;
@@ -94,11 +94,6 @@ impl RobotFunctions {
         }
     }
 
-    /// The covariance between two points.
-    fn between(&self, one: &ProcessPoint, other: &ProcessPoint) -> DMatrix<f64> {
-        one.covariance(other, &self.kernels)
-    }
-
     /// How standard normal numbers make the functions' values at some points (a row for each, of one function).
     pub fn roots(&self, points: &[&ProcessPoint]) -> Vec<DMatrix<f64>> {
         let places = |function: usize| points.iter().map(move |point| point.places[function]);
@@ -133,7 +128,7 @@ impl TiedReadings {
         for (row, gain) in self.gains().enumerate() {
             for (column, with) in self.with_poses.iter().enumerate() {
                 let [one, other] = [row, column].map(|pose| &functions.poses[pose]);
-                let own = functions.between(one, other) - &gain * with;
+                let own = one.covariance(other, &functions.kernels) - &gain * with;
                 left.view_mut((3 * row, 3 * column), (3, 3)).copy_from(&own);
             }
         }
@@ -231,8 +226,8 @@ impl AbsolutePlanning<'_> {
             let mut with = DMatrix::zeros(6 * readings.len(), 3);
             for (place, each) in readings.iter().enumerate() {
                 let point = &functions.candidates[each.place];
-                with.rows_mut(6 * place, 6)
-                    .copy_from(&functions.between(point, pose));
+                let between = point.covariance(pose, &functions.kernels);
+                with.rows_mut(6 * place, 6).copy_from(&between);
             }
             with
         };
@@ -244,15 +239,12 @@ impl AbsolutePlanning<'_> {
         }
     }
 
-    /// The predicted accuracy of a plan of so many readings that functions tie.
-    pub(super) fn prediction_of(&self, tied: &TiedReadings, count: u32) -> PredictedAccuracy {
+    /// What a plan tells with what is known before (p x p, in typical sizes) where functions tie all readings, and how the tool's place
+    /// follows what nobody knows then.
+    pub(super) fn tied_together(&self, plan: &[(usize, u32)]) -> (DMatrix<f64>, Vec<PlaceRows>) {
+        let tied = self.tied(plan).swap_remove(0);
         let information = relative_precision(&self.set) + tied.weighed() * &tied.rows;
-        let posterior = known_after(&self.set, &information);
-        let poses = tied.place_rows(&self.poses, &self.functions);
-        PredictedAccuracy {
-            task_force_m: stacked_task(&self.poses).norm(),
-            ..PredictedAccuracy::new(posterior, &poses, &self.set.scales(), count)
-        }
+        (information, tied.place_rows(&self.poses, &self.functions))
     }
 
     /// What the functions of a source leave (m^2) where the tool's place follows readings by such weights (3 m x 6 n) of these readings:

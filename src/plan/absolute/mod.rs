@@ -28,8 +28,8 @@ use rayon::prelude::*;
 use super::Criterion;
 use super::search::{
     CandidateError, CandidateInformation, CandidatePlan, FiniteBound, FiniteDesign, FiniteEffort,
-    FiniteProblem, OfferedCandidates, PlanBound, PlanSize, SharingCandidates, TogetherBounds,
-    Watch, measurements_in,
+    FiniteProblem, OfferedCandidates, PlanBound, PlanSize, TogetherBounds, ToldTogether, Watch,
+    measurements_in,
 };
 use crate::compensation::{KnownArm, uncompensated_rows};
 use crate::experiment::Candidate;
@@ -53,7 +53,6 @@ use joint_functions::RobotFunctions;
 use predicted_accuracy::{PlaceRows, in_units, known_after, stacked, stacked_task};
 
 use readable::reading_of;
-use together::Neighbours;
 pub use together::RepeatedReading;
 
 /// Searches for one plan.
@@ -84,8 +83,10 @@ pub struct AbsolutePlanning<'a> {
     errors: Vec<ReadingErrors>,
     /// of which so much is the instrument's,
     rounding: Vec<SharedRounding>,
-    /// and with which they are shared.
-    neighbours: Neighbours,
+    /// and which are shared in a configuration, by the number of each candidate's,
+    configurations: Vec<usize>,
+    /// or in a visit, by the number of what it may share one with.
+    visits: Vec<usize>,
     /// The machining tool, by its place among the arm's.
     target: usize,
     poses: Vec<PlaceRows>,
@@ -256,42 +257,41 @@ impl AbsolutePlanning<'_> {
         })
     }
 
-    /// Does something with these candidates, of which so many are measured, where the tool's place counts in one frame.
+    /// The problem of choosing so many of these candidates where the tool's place counts in one frame.
     ///
     /// The best plans leave undetermined what the tool's place does not need, such as the frames of other stations. A faint
     /// knowledge of everything keeps the costs finite; it can only lower them, so that bounds hold.
-    fn with_problem<T>(
-        &self,
-        shown: &Shown,
+    fn problem<'s>(
+        &'s self,
+        shown: &'s Shown,
         test_poses: &DMatrix<f64>,
         measurements: u32,
-        work: impl FnOnce(&FiniteProblem<'_>) -> T,
-    ) -> T {
-        let configuration = |&place: &usize| self.neighbours.configurations[place];
+    ) -> FiniteProblem<'s> {
         let told = |measured: &[(usize, u32)]| {
-            let each = measured.iter();
-            let group = each.map(|&(index, times)| (shown.places[index], times));
-            let group: CandidatePlan = group.collect();
-            shown
-                .basis
-                .tr_mul(&self.told_by(&mut self.equations(), &group))
-                * &shown.basis
+            let group = measured.iter();
+            let group = group.map(|&(index, times)| (shown.places[index], times));
+            let told = self.told_by(&mut self.equations(), &group.collect::<CandidatePlan>());
+            shown.basis.tr_mul(&told) * &shown.basis
         };
+        let places = || shown.places.iter();
         let faint = FAINT * f64::from(measurements) * shown.told.mean().diagonal().amax();
         let size = shown.told.size();
-        let most = |&place: &usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS);
-        work(&FiniteProblem {
+        FiniteProblem {
             criterion: Criterion::TestPose,
             test_poses: test_poses.clone(),
             beside: &shown.beside + DMatrix::identity(size, size) * faint,
             told: shown.told.clone(),
-            most: shown.places.iter().map(most).collect(),
-            configurations: shown.places.iter().map(configuration).collect(),
-            sharing: self.shares(&shown.places).then_some(SharingCandidates {
-                told: &told,
-                bounds: shown.together.as_ref(),
-            }),
-        })
+            most: places().map(|&place| self.most(place)).collect(),
+            configurations: places().map(|&place| self.configurations[place]).collect(),
+            told_together: (self.shares(&shown.places))
+                .then(|| -> Box<ToldTogether<'s>> { Box::new(told) }),
+            bounds: shown.together.as_ref(),
+        }
+    }
+
+    /// How often a candidate may be read.
+    fn most(&self, place: usize) -> u32 {
+        self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS)
     }
 
     /// All candidates that may be chosen.
@@ -343,17 +343,14 @@ impl AbsolutePlanning<'_> {
         let frames = shown.test_poses.len();
         let (mut designs, mut bounds) = (Vec::new(), Vec::new());
         for (frame, (station, test_poses)) in shown.test_poses.iter().enumerate() {
-            let (found, bound) = self.with_problem(&shown, test_poses, measurements, |problem| {
-                let search = |here: Watch<'_>| self.search(problem, *station, known, effort, here);
-                let found = watch.part(frame, frames, search);
-                // Where no plan was found, others have a bound there none the less.
-                let bound = match &found {
-                    Ok(design) => Some(design.bound.clone()),
-                    Err(_) => problem.weigh(measurements).ok().map(|(_, bound)| bound),
-                };
-                (found, bound)
+            let problem = &self.problem(&shown, test_poses, measurements);
+            let search = |here: Watch<'_>| self.search(problem, *station, known, effort, here);
+            let found = watch.part(frame, frames, search);
+            // Where no plan was found, others have a bound there none the less.
+            bounds.push(match &found {
+                Ok(design) => Some(design.bound.clone()),
+                Err(_) => problem.weigh(measurements).ok().map(|(_, bound)| bound),
             });
-            bounds.push(bound);
             designs.push(found);
         }
         let cost = |found: &Result<FiniteDesign, CandidateError>| {
@@ -372,7 +369,7 @@ impl AbsolutePlanning<'_> {
         Ok(AbsolutePlan {
             bound: self.bound_of(&bounds, measurements),
             plan: best.plan,
-            searches: [best.searches, best.agreeing],
+            searches: best.searches,
         })
     }
 
@@ -402,9 +399,8 @@ impl AbsolutePlanning<'_> {
             let shown = self.shown(from_there, measurements).ok()?;
             let mut frames = shown.test_poses.iter();
             let (_, test_poses) = frames.find(|frame| frame.0 == station)?;
-            let search = |there: &FiniteProblem<'_>| there.search(effort, Watch::quiet(watch.stop));
-            let found = self.with_problem(&shown, test_poses, measurements, search);
-            let mut found = found.ok()?;
+            let there = self.problem(&shown, test_poses, measurements);
+            let mut found = there.search(effort, Watch::quiet(watch.stop)).ok()?;
             for (place, _) in &mut found.plan {
                 *place = shown.places[*place];
             }
@@ -421,14 +417,11 @@ impl AbsolutePlanning<'_> {
             return found;
         };
         let searched = from_one.as_ref().or(found.as_ref().ok());
-        let (searches, agreeing) =
-            searched.map_or((0, 0), |design| (design.searches, design.agreeing));
         Ok(FiniteDesign {
+            searches: searched.map_or([0; 2], |design| design.searches),
             bound: problem.bound_of(&plan)?,
             plan,
             cost,
-            searches,
-            agreeing,
         })
     }
 
@@ -440,9 +433,8 @@ impl AbsolutePlanning<'_> {
         let measurements = measurements_in(plan);
         let shown = self.shown(self.places(), measurements)?;
         let in_frame = |(_, test_poses): &(usize, DMatrix<f64>)| {
-            self.with_problem(&shown, test_poses, measurements, |problem| {
-                problem.bound_of(plan).ok()
-            })
+            let problem = self.problem(&shown, test_poses, measurements);
+            problem.bound_of(plan).ok()
         };
         let bounds: Vec<Option<FiniteBound>> = shown.test_poses.iter().map(in_frame).collect();
         Ok(self.bound_of(&bounds, measurements))
@@ -462,18 +454,20 @@ impl AbsolutePlanning<'_> {
 
     /// The predicted accuracy of a plan: candidates by their places, and how often each is read.
     pub fn prediction(&self, plan: &[(usize, u32)]) -> PredictedAccuracy {
-        let count = measurements_in(plan);
-        if self.ties_all()
-            && let Some(tied) = self.tied(plan).first()
-        {
-            return self.prediction_of(tied, count);
-        }
-        let mut information = self.before.clone();
-        for told in self.told_of(&self.neighbours.groups(plan)) {
-            information += told;
-        }
+        let (information, poses) = if self.ties_all() {
+            self.tied_together(plan)
+        } else {
+            let told = self.told_of(&self.groups(plan)).into_iter();
+            (
+                told.fold(self.before.clone(), |sum, told| sum + told),
+                self.poses.clone(),
+            )
+        };
         let posterior = known_after(&self.set, &information);
-        PredictedAccuracy::new(posterior, &self.poses, &self.set.scales(), count)
+        PredictedAccuracy {
+            task_force_m: stacked_task(&self.poses).norm(),
+            ..PredictedAccuracy::new(posterior, &poses, &self.set.scales(), measurements_in(plan))
+        }
     }
 }
 

@@ -37,8 +37,8 @@ impl ReadingsWanted<'_> {
             let rows = rows.filter(|(place, _)| !without.contains(&all.station_of(*place)));
             let rows: Vec<Candidate> = rows.map(|(_, row)| row.clone()).collect();
             // The others alone may tell nothing.
-            let fewer = AbsolutePlanning::of_rows(task, self.groups, self.measured, &rows);
-            let fewer = fewer.ok().filter(|fewer| fewer.unknowns() < all.unknowns());
+            let fewer = self.of_rows(task, &rows).ok();
+            let fewer = fewer.filter(|fewer| fewer.unknowns() < all.unknowns());
             let offer = all.offer.clone();
             plannings.extend(fewer.map(|fewer| AbsolutePlanning { offer, ..fewer }));
         }

@@ -41,7 +41,7 @@ pub(super) fn from_stations(
 }
 
 /// Refuses a row of a station that the task has not, or of none where it has several.
-fn check_station(task: &Task, row: &Candidate) -> Result<(), CandidateError> {
+pub(super) fn check_station(task: &Task, row: &Candidate) -> Result<(), CandidateError> {
     match wrong_station(&task.belief.stations, row.station.as_deref()) {
         Some([problem, hint]) => {
             let problem = format!("line {}: {problem}", row.line);
@@ -49,11 +49,6 @@ fn check_station(task: &Task, row: &Candidate) -> Result<(), CandidateError> {
         }
         None => Ok(()),
     }
-}
-
-/// Refuses readings of a plan that do not say from which of several stations they are.
-pub(super) fn check_stations(task: &Task, rows: &[Candidate]) -> Result<(), CandidateError> {
-    rows.iter().try_for_each(|row| check_station(task, row))
 }
 
 /// The rows that a task allows, and why not the others.

@@ -46,7 +46,7 @@ impl AbsolutePlanning<'_> {
         for &(place, _) in plan.iter().chain(&self.measured) {
             let (setup, kind) = self.setup(place);
             if kind != ReadingKind::Pose {
-                let place = (self.neighbours.configurations[place], setup.target);
+                let place = (self.configurations[place], setup.target);
                 read.entry(setup.station).or_default().insert(place);
             }
         }

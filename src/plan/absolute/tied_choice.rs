@@ -16,7 +16,6 @@ use crate::numeric::random::generator;
 use crate::numeric::random::streams::drawn_candidates;
 use crate::observation::{ReadingKind, planned_rows};
 use crate::plan::search::{CandidatePlan, FiniteEffort, best_choice};
-use crate::quantities::limits::MOST_EXPERIMENTS;
 use crate::robot::Load;
 
 /// What stands for nothing known: this share of what a reading tells in the mean, and of typical sizes where none tells anything.
@@ -46,7 +45,7 @@ impl AbsolutePlanning<'_> {
                 return Some((rho0_m(&found)?, found));
             }
             // All that can be read in the configurations that were found.
-            let configurations = &self.neighbours.configurations;
+            let configurations = &self.configurations;
             let chosen = found.plan.iter().map(|(place, _)| configurations[*place]);
             let chosen: BTreeSet<usize> = chosen.collect();
             let mut places = self.places();
@@ -78,7 +77,7 @@ impl AbsolutePlanning<'_> {
         let (measurements, configurations) = (effort.measurements, effort.configurations);
         // Where there are fewer configurations than readings, each that is chosen is read so often.
         let repeats = measurements.div_ceil(configurations);
-        let most = |place: usize| self.candidates[place].most.unwrap_or(MOST_EXPERIMENTS) / repeats;
+        let most = |place: usize| self.most(place) / repeats;
         places.retain(|&place| most(place) > 0);
         let share = f64::from(configurations) / f64::from(measurements);
         let mut list = self.tied_list(station, &places, share)?;
@@ -141,7 +140,7 @@ impl AbsolutePlanning<'_> {
             let new: DMatrix<f64> = own.view((0, 0), (count, count)).into_owned();
             told += rows.tr_mul(&Cholesky::new(new.clone())?.solve(&rows));
             let kept = DMatrix::from(errors.configuration.rows(0, count));
-            let configuration = self.neighbours.configurations[place];
+            let configuration = self.configurations[place];
             let by_functions = &self.functions.candidates[place];
             Some(CorrelatedReading {
                 by_unknowns: rows.transpose(),

@@ -6,57 +6,12 @@ use nalgebra::{DMatrix, Isometry3, Matrix6, Matrix6xX};
 use rayon::prelude::*;
 
 use super::AbsolutePlanning;
-use crate::experiment::numbered;
-use crate::identification::visit_classes;
-use crate::measurement::AbsoluteReading;
 use crate::numeric::markov::ProcessPoint;
 use crate::observation::{
     ConfigurationEquations, PlannedReading, ReadingErrors, SharedErrors, SharingReading,
     SharingReadings, Together, Visits, Whitener, turned_columns, visits_of,
 };
-use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds};
-use crate::task::Belief;
-
-/// Which candidates share errors.
-#[derive(Debug, Clone)]
-pub(super) struct Neighbours {
-    /// The number of each candidate's configuration.
-    pub configurations: Vec<usize>,
-    /// The number of what each may share a visit with.
-    visits: Vec<usize>,
-}
-
-impl Neighbours {
-    pub fn of(readings: &[AbsoluteReading], belief: &Belief) -> Self {
-        let pose = |place: usize| readings[place].pose();
-        Self {
-            configurations: numbered(readings.len(), pose, |_, _| true),
-            visits: visit_classes(readings, belief),
-        }
-    }
-
-    /// Has candidates from a place on in visits of their own.
-    pub fn begin_visits(&mut self, first: usize) {
-        let known = self.visits.len();
-        for visit in &mut self.visits[first..] {
-            *visit += known;
-        }
-    }
-
-    /// Readings that share a configuration, in the order of the first.
-    pub fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
-        let mut groups: Vec<CandidatePlan> = Vec::new();
-        for &(place, times) in plan {
-            let here = self.configurations[place];
-            let known = |group: &&mut CandidatePlan| self.configurations[group[0].0] == here;
-            match groups.iter_mut().find(known) {
-                Some(group) => group.push((place, times)),
-                None => groups.push(vec![(place, times)]),
-            }
-        }
-        groups
-    }
-}
+use crate::plan::search::{CandidateInformation, CandidatePlan, TogetherBounds, by_configuration};
 
 /// A reading that is taken in so many visits alike.
 #[derive(Debug, Clone, Copy)]
@@ -85,7 +40,7 @@ impl AbsolutePlanning<'_> {
     /// The readings of a plan by their configurations: those of one visit, and of visits that read the same, together.
     pub fn by_configuration(&self, plan: &[(usize, u32)]) -> Vec<Vec<RepeatedReading>> {
         let of_group = |group: CandidatePlan| -> Vec<RepeatedReading> {
-            let visits = self.visits(&group).into_iter().enumerate();
+            let visits = self.visits_in(&group).into_iter().enumerate();
             let readings = visits.flat_map(|(visits, Visits { count, readings })| {
                 (readings.into_iter()).map(move |place| RepeatedReading {
                     place,
@@ -95,13 +50,17 @@ impl AbsolutePlanning<'_> {
             });
             readings.collect()
         };
-        let groups = self.neighbours.groups(plan);
-        groups.into_iter().map(of_group).collect()
+        (self.groups(plan).into_iter()).map(of_group).collect()
+    }
+
+    /// A plan's readings that share a configuration, in the order of the first.
+    pub(super) fn groups(&self, plan: &[(usize, u32)]) -> Vec<CandidatePlan> {
+        by_configuration(plan, &self.configurations)
     }
 
     /// The visits of one configuration.
-    fn visits(&self, group: &[(usize, u32)]) -> Vec<Visits> {
-        visits_of(group, |place| self.neighbours.visits[place])
+    fn visits_in(&self, group: &[(usize, u32)]) -> Vec<Visits> {
+        visits_of(group, |place| self.visits[place])
     }
 
     /// The covariance of the mean of so many readings of a candidate by what is new in each (m^2, m rad, rad^2), in the world frame.
@@ -211,9 +170,8 @@ impl AbsolutePlanning<'_> {
         group: &[(usize, u32)],
     ) -> DMatrix<f64> {
         let is_here = |&(place, _): &(usize, u32)| {
-            let here = |other: &(usize, u32)| {
-                self.neighbours.configurations[other.0] == self.neighbours.configurations[place]
-            };
+            let here =
+                |other: &(usize, u32)| self.configurations[other.0] == self.configurations[place];
             group.first().is_some_and(here)
         };
         let mut all: CandidatePlan = self.measured.iter().copied().filter(is_here).collect();
@@ -230,7 +188,7 @@ impl AbsolutePlanning<'_> {
         if self.ties_all() && !self.measured.is_empty() {
             return true;
         }
-        let configurations = &self.neighbours.configurations;
+        let configurations = &self.configurations;
         let here = |place: usize| {
             let is_here = |&(each, _): &(usize, u32)| configurations[each] == configurations[place];
             self.errors[place].are_shared() && self.measured.iter().any(is_here)
@@ -246,7 +204,7 @@ impl AbsolutePlanning<'_> {
         let readings = group.iter().map(|(place, _)| self.sharing_reading(*place));
         let readings: Vec<SharingReading<'_>> = readings.collect();
         let own = |place: usize| group.iter().position(|(each, _)| *each == place);
-        let mut visits = self.visits(group);
+        let mut visits = self.visits_in(group);
         for each in visits.iter_mut().flat_map(|visit| &mut visit.readings) {
             *each = own(*each).unwrap_or(0);
         }
@@ -264,7 +222,7 @@ impl AbsolutePlanning<'_> {
         let mut by_number: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (index, &place) in places.iter().enumerate() {
             if self.errors[place].are_shared() {
-                let here = self.neighbours.configurations[place];
+                let here = self.configurations[place];
                 by_number.entry(here).or_default().push(index);
             }
         }
@@ -288,7 +246,7 @@ impl AbsolutePlanning<'_> {
             let here = group.iter().map(|&index| places[index]);
             let readings = here.clone().map(|place| self.sharing_reading(place));
             let readings: Vec<SharingReading<'_>> = readings.collect();
-            let classes: Vec<usize> = here.map(|place| self.neighbours.visits[place]).collect();
+            let classes: Vec<usize> = here.map(|place| self.visits[place]).collect();
             let Together { once, each } = equations.bounds(&readings, &classes);
             (within(&once), each.iter().map(within).collect::<Vec<_>>())
         };

@@ -35,7 +35,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 use rayon::prelude::*;
 
 use super::error::SearchError;
-use super::local::{LocalSearch, Precision};
+use super::local::{FreeLoad, LocalSearch, Precision};
 use super::observation::times;
 use super::point::{Point, add_information, information_in};
 use super::problem::Problem;
@@ -125,7 +125,8 @@ pub struct ApproximateDesign {
 impl ApproximateDesign {
     /// Its information, with what stands beside it.
     pub(super) fn information(&self, problem: &Problem<'_>) -> DMatrix<f64> {
-        let mut information = problem.information_beside();
+        let nothing = || DMatrix::zeros(problem.parameters(), problem.parameters());
+        let mut information = problem.beside.clone().unwrap_or_else(nothing);
         for (point, weight) in self.support.iter().zip(&self.weights) {
             add_information(&mut information, &point.matrix, *weight);
         }
@@ -333,10 +334,11 @@ fn mandatory(problem: &Problem<'_>, directions: &DMatrix<f64>) -> (u32, f64) {
     let plan = &problem.task.design.mandatory;
     let derivative = |experiment: &Experiment| {
         let (q, load) = (experiment.configuration_rad.as_slice(), &experiment.load);
-        let local = LocalSearch::new(problem).near(experiment, WIDENED_RAD);
+        let near = problem.near(experiment, WIDENED_RAD);
+        let local = LocalSearch::new(&near);
         let point = local.point(q, load, experiment.direction);
         let here = printed_derivative(&local, &point, directions);
-        let found = local.most_informative(&point, directions, Precision::FINE);
+        let found = local.climb(&point, load, FreeLoad::None, directions, Precision::FINE);
         let near = found.map_or(0.0, |(point, _)| {
             printed_derivative(&local, &point, directions)
         });

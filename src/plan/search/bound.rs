@@ -232,6 +232,11 @@ impl Bound {
         }
     }
 
+    /// No bound, since nothing was found.
+    pub(super) fn not_found(task: &Task, criterion: Criterion, error: SearchError) -> Self {
+        Self::resting_on(task, criterion, Basis::Nothing(NoBound::NotFound(error)))
+    }
+
     /// Searches the bound of `rho_0` for a task's plans under a seed; what was not found is told where it is asked for.
     pub fn search(task: &Task, seed: u64) -> Self {
         Self::search_and_prove(task, Criterion::TestPose, seed, &[], None)
@@ -252,10 +257,7 @@ impl Bound {
                 let bound = Self::by(task, criterion, &approximate);
                 bound.prove(&approximate, seed, sizes, proof)
             }
-            Err(error) => {
-                let nothing = Basis::Nothing(NoBound::NotFound(error));
-                Self::resting_on(task, criterion, nothing)
-            }
+            Err(error) => Self::not_found(task, criterion, error),
         }
     }
 

@@ -91,12 +91,8 @@ impl CandidateError {
 
 impl std::fmt::Display for LeftOutCandidates {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            what,
-            count,
-            line,
-            first,
-        } = self;
+        let (what, count, line) = (&self.what, self.count, self.line);
+        let first = &self.first;
         write!(
             formatter,
             "{count} for {what} (the first in line {line}: {first})"

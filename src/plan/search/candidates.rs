@@ -3,12 +3,12 @@
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
-use super::bound::{Basis, Bound, Enumerated, NoBound};
+use super::bound::{Basis, Bound, Enumerated};
 use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 use super::candidate_information::CandidateInformation;
 use super::error::SearchError;
 use super::exact::{ExactDesign, Watch};
-use super::finite::{FiniteBound, FiniteProblem, SharingCandidates};
+use super::finite::{FiniteBound, FiniteProblem, ToldTogether};
 use super::finite_search::FiniteEffort;
 use super::problem::Problem;
 use super::size::PlanSize;
@@ -150,7 +150,7 @@ impl Candidates {
         };
         let search = |problem: &Problem<'_>| {
             problem.check_excited()?;
-            let found = self.with_finite(problem, |finite| finite.search(effort, watch));
+            let found = self.finite(problem).search(effort, watch);
             let found = found.map_err(SearchError::Candidates)?;
             let mut plan = mandatory.clone();
             plan.experiments.extend(self.measured(&found.plan));
@@ -160,11 +160,12 @@ impl Candidates {
                     parameters: problem.parameters(),
                 });
             }
+            let [searches, agreeing] = found.searches;
             let exact = ExactDesign {
                 plan,
                 cost: found.cost,
-                searches: found.searches,
-                agreeing: found.agreeing,
+                searches,
+                agreeing,
             };
             Ok((exact, found.bound))
         };
@@ -183,15 +184,12 @@ impl Candidates {
         let mandatory = task.design.mandatory.measurements();
         let free = plan.measurements().saturating_sub(mandatory);
         let found = problem.check_excited().and_then(|()| {
-            let weighed = self.with_finite(&problem, |finite| finite.weigh(free));
+            let weighed = self.finite(&problem).weigh(free);
             Ok(weighed.map_err(SearchError::Candidates)?.1)
         });
         match found {
             Ok(bound) => self.bound_of(&problem, bound),
-            Err(error) => {
-                let nothing = Basis::Nothing(NoBound::NotFound(error));
-                Bound::resting_on(task, criterion, nothing)
-            }
+            Err(error) => Bound::not_found(task, criterion, error),
         }
     }
 
@@ -218,35 +216,26 @@ impl Candidates {
         measured.collect()
     }
 
-    /// Does something with the candidates by what they tell.
-    fn with_finite<T>(
-        &self,
-        problem: &Problem<'_>,
-        work: impl FnOnce(&FiniteProblem<'_>) -> T,
-    ) -> T {
+    /// The candidates by what they tell. Bounds speak about plans that hang one load in each configuration.
+    fn finite<'p>(&'p self, problem: &'p Problem<'_>) -> FiniteProblem<'p> {
         let all = &self.experiments;
         let each: Vec<DMatrix<f64>> = (all.par_iter())
             .map(|experiment| problem.told(experiment, 1))
             .collect();
-        let is_shared = problem.is_shared_by_repeats();
-        let configurations = numbered(all.len(), |place| all[place].pose(), |_, _| true);
         let told = |measured: &[(usize, u32)]| match *measured {
             [(only, times)] => problem.told(&all[only], times),
             _ => problem.told_by(self.measured(measured)),
         };
-        let sharing = SharingCandidates {
-            told: &told,
-            // Bounds speak about plans that hang one load in each configuration.
-            bounds: None,
-        };
-        work(&FiniteProblem {
+        FiniteProblem {
             criterion: problem.criterion,
             test_poses: problem.test_poses.clone(),
             beside: problem.information(&problem.task.design.mandatory),
             told: CandidateInformation::of_all(problem.parameters(), &each),
             most: all.iter().map(|each| each.repeats).collect(),
-            configurations,
-            sharing: is_shared.then_some(sharing),
-        })
+            configurations: numbered(all.len(), |place| all[place].pose(), |_, _| true),
+            told_together: (problem.is_shared_by_repeats())
+                .then(|| -> Box<ToldTogether<'p>> { Box::new(told) }),
+            bounds: None,
+        }
     }
 }

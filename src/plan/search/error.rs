@@ -15,60 +15,42 @@ pub enum SearchError {
         /// How many each constraint rejected.
         rejections: Vec<String>,
     },
-    /// The test pose depends on a compliance that no feasible experiment shows.
+    /// The test pose depends on the compliances of these joints, which no feasible experiment shows.
     #[error(
         "no feasible experiment shows the compliance of {}: no load has a torque on it",
-        joints.join(", ")
+        .0.join(", ")
     )]
-    NotExcited {
-        /// The joints.
-        joints: Vec<String>,
-    },
-    /// The test pose depends on a compliance by which loads move the tool next to nothing.
+    NotExcited(Vec<String>),
+    /// The test pose depends on the compliances of these joints, by which loads move the tool next to nothing.
     #[error(
         "no feasible experiment shows the compliance of {}: the deflection by it is less than a hundredth of the noise",
-        joints.join(", ")
+        .0.join(", ")
     )]
-    Faint {
-        /// The joints.
-        joints: Vec<String>,
-    },
-    /// What is asked for depends on compliances of which feasible experiments show combinations only.
+    Faint(Vec<String>),
+    /// What is asked for depends on the compliances of these joints, of which feasible experiments show combinations only.
     #[error(
         "no feasible experiments separate the compliances of {}: they show in combinations only",
-        joints.join(", ")
+        .0.join(", ")
     )]
-    Inseparable {
-        /// The joints.
-        joints: Vec<String>,
-    },
-    /// The test pose depends on unknowns, not compliances alone, of which no feasible experiment shows more than
+    Inseparable(Vec<String>),
+    /// The test pose depends on these unknowns, not compliances alone, of which no feasible experiment shows more than
     /// combinations.
     #[error(
         "no feasible experiments determine {}: deflections do not show them, or in combinations only",
-        names.join(", ")
+        .0.join(", ")
     )]
-    Undetermined {
-        /// The unknowns.
-        names: Vec<String>,
-    },
-    /// A criterion of Table 1 is about the compliances alone, and more is to be found.
+    Undetermined(Vec<String>),
+    /// A criterion of Table 1 is about the compliances alone, and these are to be found, too.
     #[error(
         "the criterion is about compliances alone, and robot.parameters names {}, too: plan for the test pose",
-        names.join(", ")
+        .0.join(", ")
     )]
-    CompliancesAlone {
-        /// What else is to be found.
-        names: Vec<String>,
-    },
-    /// Plans over a region are not optimised by a criterion, and no bound by it is searched.
+    CompliancesAlone(Vec<String>),
+    /// Plans over a region are not optimised by a criterion of this name, and no bound by it is searched.
     #[error(
-        "plans are optimised and bounded by test_pose, a, d and o1: for {criterion}, choose from candidates (plan --candidates FILE)"
+        "plans are optimised and bounded by test_pose, a, d and o1: for {0}, choose from candidates (plan --candidates FILE)"
     )]
-    NotOptimised {
-        /// The criterion's name.
-        criterion: &'static str,
-    },
+    NotOptimised(&'static str),
     /// No plan can be made of a list of candidates.
     #[error("{0}")]
     Candidates(CandidateError),

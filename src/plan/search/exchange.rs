@@ -67,7 +67,7 @@ impl Refinement<'_> {
     ) -> Option<Found> {
         let mut points = Vec::new();
         while points.len() < repeats.len() {
-            let count = pool.points().len();
+            let count = pool.points.len();
             let index = (count > 0).then(|| random.random_range(0..count))?;
             points.extend(self.take_clear(pool, index));
         }
@@ -111,9 +111,9 @@ impl Refinement<'_> {
     /// An experiment of the pool, clear of collisions and in sight; if that is impossible, it leaves
     /// the pool.
     fn take_clear(&mut self, pool: &mut Pool, index: usize) -> Option<Point> {
-        let clear = self.sampler.clear_variant(&pool.points()[index]);
+        let clear = self.sampler.clear_variant(&pool.points[index]);
         match &clear {
-            Some(point) => pool.replace(index, point.clone()),
+            Some(point) => pool.points[index] = point.clone(),
             None => pool.remove(index),
         }
         clear

@@ -53,22 +53,15 @@ pub struct FiniteProblem<'a> {
     pub most: Vec<u32>,
     /// The number of each one's configuration.
     pub configurations: Vec<usize>,
-    /// Where readings share errors, which do, and what they tell.
-    pub sharing: Option<SharingCandidates<'a>>,
-}
-
-/// What candidates tell together that are measured so often (p x p).
-type ToldTogether<'a> = dyn Fn(&[(usize, u32)]) -> DMatrix<f64> + Sync + 'a;
-
-/// Candidates whose readings share errors where they are of one configuration.
-#[derive(Clone, Copy)]
-pub struct SharingCandidates<'a> {
-    /// What those of one configuration tell together.
-    pub told: &'a ToldTogether<'a>,
+    /// Where candidates of one configuration share errors, what they tell together.
+    pub told_together: Option<Box<ToldTogether<'a>>>,
     /// What those of one configuration tell at most together, where several may be chosen that tell more than by themselves; none
     /// where plans are bounded that have one in each.
     pub bounds: Option<&'a TogetherBounds>,
 }
+
+/// What candidates tell together that are measured so often (p x p).
+pub type ToldTogether<'a> = dyn Fn(&[(usize, u32)]) -> DMatrix<f64> + Send + Sync + 'a;
 
 /// What candidates of one configuration tell at most: something once, and something for each measurement.
 #[derive(Debug, Clone)]
@@ -141,6 +134,9 @@ impl FiniteBound {
     }
 }
 
+/// Candidates by their places, and how often each is measured.
+pub type CandidatePlan = Vec<(usize, u32)>;
+
 /// Candidates with their weights, which sum to one.
 pub type FiniteWeights = Vec<(usize, f64)>;
 
@@ -149,13 +145,6 @@ impl FiniteProblem<'_> {
     pub(super) fn reads_in_configuration(&self, plan: &[(usize, u32)], candidate: usize) -> bool {
         let here = self.configurations[candidate];
         (plan.iter()).any(|&(each, _)| self.configurations[each] == here)
-    }
-
-    /// Those of a plan that are of a candidate's configuration.
-    fn of_configuration(&self, plan: &[(usize, u32)], candidate: usize) -> Vec<(usize, u32)> {
-        let here = self.configurations[candidate];
-        let is_here = |&&(each, _): &&(usize, u32)| self.configurations[each] == here;
-        plan.iter().filter(is_here).copied().collect()
     }
 
     /// The criterion as a cost.
@@ -169,28 +158,25 @@ impl FiniteProblem<'_> {
 
     /// Adds (or takes away) what candidates tell that are measured so often: of one configuration, where they share errors.
     fn add(&self, sum: &mut DMatrix<f64>, sign: f64, measured: &[(usize, u32)]) {
-        match (self.sharing, measured) {
+        match (&self.told_together, measured) {
             (None, _) | (_, [(_, 1)]) => {
                 for &(candidate, times) in measured {
                     self.told.add_to(sum, candidate, sign * f64::from(times));
                 }
             }
-            (Some(sharing), _) => *sum += (sharing.told)(measured) * sign,
+            (Some(told), _) => *sum += told(measured) * sign,
         }
     }
 
     /// What a plan tells, with what is known whatever is chosen.
     pub fn information(&self, plan: &[(usize, u32)]) -> DMatrix<f64> {
         let mut sum = self.beside.clone();
-        if self.sharing.is_none() {
+        if self.told_together.is_none() {
             self.add(&mut sum, 1.0, plan);
             return sum;
         }
-        for (place, &(candidate, _)) in plan.iter().enumerate() {
-            // The first adds what all of its configuration tell.
-            if !self.reads_in_configuration(&plan[..place], candidate) {
-                self.add(&mut sum, 1.0, &self.of_configuration(plan, candidate));
-            }
+        for part in by_configuration(plan, &self.configurations) {
+            self.add(&mut sum, 1.0, &part);
         }
         sum
     }
@@ -203,15 +189,17 @@ impl FiniteProblem<'_> {
         more: (usize, u32),
     ) -> DMatrix<f64> {
         let mut sum = rest.clone();
-        let here = (self.sharing).map(|_| self.of_configuration(plan, more.0));
-        match here.filter(|here| !here.is_empty()) {
-            None => self.add(&mut sum, 1.0, &[more]),
-            Some(mut here) => {
-                self.add(&mut sum, -1.0, &here);
-                measure(&mut here, more.0, more.1);
-                self.add(&mut sum, 1.0, &here);
-            }
+        let own = self.configurations[more.0];
+        let mut here = match self.told_together {
+            Some(_) => plan.to_vec(),
+            None => Vec::new(),
+        };
+        here.retain(|&(each, _)| self.configurations[each] == own);
+        if !here.is_empty() {
+            self.add(&mut sum, -1.0, &here);
         }
+        measure(&mut here, more.0, more.1);
+        self.add(&mut sum, 1.0, &here);
         sum
     }
 
@@ -367,7 +355,7 @@ impl FiniteProblem<'_> {
 
     fn plane(&self, cost: f64, directions: &DMatrix<f64>, derivatives: &[f64]) -> TangentPlane {
         let mut derivatives = derivatives.to_vec();
-        if let Some(bounds) = self.sharing.and_then(|sharing| sharing.bounds) {
+        if let Some(bounds) = self.bounds {
             bounds.raise(directions, &mut derivatives);
         }
         let most = self.most.iter().copied();
@@ -411,6 +399,23 @@ impl FiniteProblem<'_> {
 /// How many measurements a plan has.
 pub fn measurements_in(plan: &[(usize, u32)]) -> u32 {
     plan.iter().map(|(_, times)| times).sum()
+}
+
+/// The parts of a plan in each of the candidates' configurations, in the order of their first.
+pub(in crate::plan) fn by_configuration(
+    plan: &[(usize, u32)],
+    configurations: &[usize],
+) -> Vec<CandidatePlan> {
+    let mut parts: Vec<CandidatePlan> = Vec::new();
+    for &(candidate, times) in plan {
+        let is_here =
+            |part: &&mut CandidatePlan| configurations[part[0].0] == configurations[candidate];
+        match parts.iter_mut().find(is_here) {
+            Some(part) => part.push((candidate, times)),
+            None => parts.push(vec![(candidate, times)]),
+        }
+    }
+    parts
 }
 
 /// Measures a candidate so often more.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 
 use super::candidate_error::CandidateError;
 use super::exact::Watch;
-use super::finite::{FiniteBound, FiniteProblem, highest, measure, measurements_in};
+use super::finite::{CandidatePlan, FiniteBound, FiniteProblem, highest, measure, measurements_in};
 use super::weighing::apportioned;
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
@@ -44,9 +44,6 @@ const THOROUGH_PASSES: usize = 20;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
 
-/// Candidates by their places, and how often each is measured.
-pub type CandidatePlan = Vec<(usize, u32)>;
-
 /// The best plan of a list of candidates that searches found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FiniteDesign {
@@ -56,10 +53,8 @@ pub struct FiniteDesign {
     pub cost: f64,
     /// What no plan of as many measurements is below.
     pub bound: FiniteBound,
-    /// How many searches there were.
-    pub searches: usize,
-    /// How many of them ended within 0.1 % of that cost's root.
-    pub agreeing: usize,
+    /// How many searches there were, and how many of them ended within 0.1 % of that cost's root.
+    pub searches: [usize; 2],
 }
 
 /// How a plan of a list of candidates is searched.
@@ -118,8 +113,7 @@ impl FiniteProblem<'_> {
             plan,
             cost,
             bound,
-            searches: found.len(),
-            agreeing: found.iter().filter(is_as_good).count(),
+            searches: [found.len(), found.iter().filter(is_as_good).count()],
         })
     }
 

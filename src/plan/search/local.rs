@@ -8,7 +8,7 @@ use slsqp::{Func, StopTols, minimize};
 use super::observation::MatrixEvaluator;
 use super::point::{Point, force, in_directions, information_in};
 use super::problem::Problem;
-use crate::experiment::{Experiment, Loads};
+use crate::experiment::Loads;
 use crate::numeric::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
@@ -59,18 +59,13 @@ pub(super) type MatrixCost<'c> =
 pub(super) struct LocalSearch<'a> {
     /// With where it stands, since the objective and every constraint are asked at the same configuration in turn.
     evaluator: RefCell<(MatrixEvaluator<'a>, Vec<f64>)>,
-    bounds: Vec<SmoothBound>,
-    ranges: Vec<(f64, f64)>,
-    loads: Loads,
-    directions: Vec<Option<Vector3<f64>>>,
-    is_force_bounded: bool,
-    is_force_varied: bool,
+    problem: &'a Problem<'a>,
     gravity: Vector3<f64>,
 }
 
 /// What of the load is varied along with the joint angles, by variables of size one.
 #[derive(Debug, Clone, Copy)]
-enum FreeLoad<'d> {
+pub(super) enum FreeLoad<'d> {
     /// Nothing.
     None,
     /// Nothing: it is a force of this size (N) along what gives most information in the directions G at each configuration.
@@ -118,28 +113,13 @@ impl FreeLoad<'_> {
 }
 
 impl<'a> LocalSearch<'a> {
-    pub fn new(problem: &Problem<'a>) -> Self {
+    pub fn new(problem: &'a Problem<'a>) -> Self {
         let evaluator = problem.evaluator();
         Self {
             gravity: evaluator.readings.gravity_m_s2(),
             evaluator: RefCell::new((evaluator, Vec::new())),
-            is_force_bounded: problem.is_force_bounded(),
-            is_force_varied: problem.is_force_varied(),
-            bounds: problem.bounds.clone(),
-            ranges: problem.ranges.clone(),
-            loads: problem.task.loads.clone(),
-            directions: problem.task.directions.clone(),
+            problem,
         }
-    }
-
-    /// Searches over the load and the direction of an experiment near its joint angles, whatever the bounds of the region.
-    pub fn near(mut self, experiment: &Experiment, within_rad: f64) -> Self {
-        let range = |angle: &f64| (angle - within_rad, angle + within_rad);
-        self.ranges = experiment.configuration_rad.iter().map(range).collect();
-        self.loads = Loads::Fixed(experiment.load);
-        self.directions = vec![experiment.direction];
-        self.bounds.clear();
-        self
     }
 
     /// Experiments are from now on repeated so often.
@@ -176,7 +156,7 @@ impl<'a> LocalSearch<'a> {
 
     /// Joint angles as near as the joint ranges allow.
     pub fn in_ranges(&self, mut q: Vec<f64>) -> Vec<f64> {
-        clamp(&mut q, &self.ranges);
+        clamp(&mut q, &self.problem.ranges);
         q
     }
 
@@ -184,7 +164,8 @@ impl<'a> LocalSearch<'a> {
     pub fn is_inside(&self, q: &[f64], load: &Load) -> bool {
         let evaluator = self.at(q);
         let state = evaluator.readings.state();
-        (self.bounds.iter()).all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
+        let bounds = &mut self.problem.bounds.iter();
+        bounds.all(|bound| bound.margin(state, load, &self.gravity) >= INSET - SLACK)
     }
 
     /// The largest size (N) that the torque bounds allow a force of a direction (unit vector) at joint
@@ -198,7 +179,7 @@ impl<'a> LocalSearch<'a> {
         let evaluator = self.at(q);
         let state = evaluator.readings.state();
         let (mut least, mut most) = (low, high);
-        for bound in &self.bounds {
+        for bound in &self.problem.bounds {
             let Some(slope) = bound.force_derivative(state) else {
                 continue;
             };
@@ -225,7 +206,7 @@ impl<'a> LocalSearch<'a> {
         directions: &DMatrix<f64>,
         precision: Precision,
     ) -> Option<(Point, f64)> {
-        let each = self.directions.iter().filter_map(|direction| {
+        let each = self.problem.task.directions.iter().filter_map(|direction| {
             let start = Point {
                 direction: *direction,
                 ..start.clone()
@@ -245,11 +226,12 @@ impl<'a> LocalSearch<'a> {
         let q = &start.q;
         let climb = |load: &Load, free| self.climb(start, load, free, directions, precision);
         let best = |one: &(Point, f64), other: &(Point, f64)| one.1.total_cmp(&other.1);
-        match &self.loads {
-            Loads::Direction { direction, force_n } if !self.is_force_varied => {
+        let is_varied = self.problem.is_force_varied();
+        match &self.problem.task.loads {
+            Loads::Direction { direction, force_n } if !is_varied => {
                 climb(&force(direction, force_n[1]), FreeLoad::None)
             }
-            Loads::Any { force_max_n } if !self.is_force_varied => {
+            Loads::Any { force_max_n } if !is_varied => {
                 climb(&start.load, FreeLoad::Best(directions, *force_max_n))
             }
             Loads::Direction { direction, force_n } => {
@@ -278,10 +260,10 @@ impl<'a> LocalSearch<'a> {
 
     /// What of the load is varied in a plan's experiment: a free force turns along with the configuration, and changes its size
     /// where that matters.
-    const fn free_load(&self) -> FreeLoad<'static> {
-        match self.loads {
+    fn free_load(&self) -> FreeLoad<'static> {
+        match self.problem.task.loads {
             Loads::Any { force_max_n } => FreeLoad::Force(force_max_n),
-            Loads::Direction { direction, force_n } if self.is_force_bounded => {
+            Loads::Direction { direction, force_n } if self.problem.is_force_bounded() => {
                 FreeLoad::Size(direction, force_n)
             }
             _ => FreeLoad::None,
@@ -289,7 +271,7 @@ impl<'a> LocalSearch<'a> {
     }
 
     /// Climbs from a start under a load.
-    fn climb(
+    pub fn climb(
         &self,
         from: &Point,
         load: &Load,
@@ -331,7 +313,7 @@ impl<'a> LocalSearch<'a> {
 
     /// What an improvement in turn may take on the way to a plan.
     fn in_turn(&self, precision: Precision) -> Precision {
-        let (small, cube) = (SMALL.pow(3), self.ranges.len().pow(3));
+        let (small, cube) = (SMALL.pow(3), self.problem.ranges.len().pow(3));
         let fewer = precision.evaluations * small / cube.max(small);
         Precision {
             evaluations: fewer.max(FEWEST),
@@ -352,7 +334,7 @@ impl<'a> LocalSearch<'a> {
         self.at(&start.q).readings.read_along(direction.as_ref());
         let (variables, of_load) = free.variables(&start.load);
         let x = [&*start.q, &variables].concat();
-        let ranges = [&*self.ranges, &of_load].concat();
+        let ranges = [&*self.problem.ranges, &of_load].concat();
         let load_of = |evaluator: &MatrixEvaluator<'_>, x: &[f64]| {
             free.load(evaluator, &start.load, &x[joints..])
         };
@@ -404,7 +386,12 @@ impl<'a> LocalSearch<'a> {
             }
             force.iter().map(|value| value * value).sum::<f64>() - 1.0
         };
-        let constraints: Vec<_> = self.bounds.iter().map(|&bound| constraint(bound)).collect();
+        let constraints: Vec<_> = self
+            .problem
+            .bounds
+            .iter()
+            .map(|&bound| constraint(bound))
+            .collect();
         let mut constraints: Vec<&dyn Func<()>> =
             constraints.iter().map(|each| each as _).collect();
         if let FreeLoad::Force(_) = free {
@@ -415,7 +402,7 @@ impl<'a> LocalSearch<'a> {
             // The optimiser may end with too large a force; where the largest is best but the cost has
             // kinks, with too small a one.
             let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
-            if force > 1.0 || (force > 0.0 && !self.is_force_bounded) {
+            if force > 1.0 || (force > 0.0 && !self.problem.is_force_bounded()) {
                 for value in &mut x[joints..] {
                     *value /= force.sqrt();
                 }

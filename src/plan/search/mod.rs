@@ -3,9 +3,9 @@
 //! - `problem`, `observation`, `point`, `joints`, `relevance`: what is searched, and an experiment of it with its derivatives.
 //! - `local`, `sampling`, `pool`: the best configuration near a given one, random experiments, and many that are cheap to look through.
 //! - `approximate`, `weighing`: the design with continuous weights, whose largest directional derivative bounds every plan from below.
-//! - `bound`, `proved`, `rows`, `provable`: that bound, the class of plans that it speaks about, its proof, and what that leaves out.
-//! - `exact`, `exchange`, `refinement`, `rounding`: the best plan of whole experiments, by exchange over a pool and refinement by
-//!   gradients, or from a rounded approximate design.
+//! - `bound`, `proved`, `provable`: that bound, the class of plans that it speaks about, its proof, and what that leaves out.
+//! - `exact`, `exchange`, `refinement`: the best plan of whole experiments, by exchange over a pool and refinement by gradients, or
+//!   from a rounded approximate design.
 //! - `plan_search`: searches that are repeated with what they leave out where it counts.
 //! - `budget`, `criteria`: the best accuracy against the number of measurements, and the best plans for the criteria of Table 1.
 //! - `error`: why there is no plan.
@@ -36,8 +36,6 @@ mod provable;
 mod proved;
 mod refinement;
 mod relevance;
-mod rounding;
-mod rows;
 mod sampling;
 mod size;
 mod weighing;
@@ -55,9 +53,11 @@ pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
 pub use exact::{ExactDesign, Watch, exact_design};
-pub(in crate::plan) use finite::measure;
-pub use finite::{FiniteBound, FiniteProblem, SharingCandidates, TogetherBounds, measurements_in};
-pub use finite_search::{CandidatePlan, FiniteDesign, FiniteEffort};
+pub use finite::{
+    CandidatePlan, FiniteBound, FiniteProblem, TogetherBounds, ToldTogether, measurements_in,
+};
+pub(in crate::plan) use finite::{by_configuration, measure};
+pub use finite_search::{FiniteDesign, FiniteEffort};
 pub use observation::MatrixEvaluator;
 pub use plan_search::PlanSearch;
 pub use problem::{Effort, Problem};

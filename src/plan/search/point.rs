@@ -1,6 +1,6 @@
 //! An experiment as the search sees it: its load, and the information that it gives.
 
-use nalgebra::{DMatrix, Matrix3xX, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 
 use crate::experiment::Experiment;
 use crate::robot::Load;
@@ -40,13 +40,23 @@ impl Point {
 
     /// The point as an experiment of a plan.
     pub fn experiment(&self, repeats: u32) -> Experiment {
-        Experiment {
-            configuration_rad: nalgebra::DVector::from_column_slice(&self.q),
-            load: self.load,
-            repeats,
-            approach: None,
-            direction: self.direction,
-        }
+        experiment(&self.q, self.load, self.direction, repeats)
+    }
+}
+
+/// An experiment at joint angles (rad), repeated so often.
+pub(super) fn experiment(
+    q: &[f64],
+    load: Load,
+    direction: Option<Vector3<f64>>,
+    repeats: u32,
+) -> Experiment {
+    Experiment {
+        configuration_rad: DVector::from_column_slice(q),
+        load,
+        repeats,
+        approach: None,
+        direction,
     }
 }
 

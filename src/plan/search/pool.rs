@@ -13,7 +13,8 @@ const UPDATED: usize = 8;
 /// Experiments with the information that they give.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Pool {
-    points: Vec<Point>,
+    /// The experiments; another one that tells the same may stand in the place of each.
+    pub points: Vec<Point>,
     /// A^T A (p x p) of the points, [`LANES`] at a time side by side. Those that fill up the last
     /// ones tell nothing.
     information: Vec<[f64; LANES]>,
@@ -59,11 +60,6 @@ impl Pool {
         pool
     }
 
-    /// The experiments.
-    pub fn points(&self) -> &[Point] {
-        &self.points
-    }
-
     /// The number of the experiment that gives the lowest cost, measured `weight` times together
     /// with the information of the rest, and that cost.
     pub fn best_addition(
@@ -92,11 +88,6 @@ impl Pool {
             .take(self.points.len())
             .enumerate()
             .min_by(|one, other| one.1.total_cmp(&other.1))
-    }
-
-    /// Puts another experiment that tells the same in an experiment's place.
-    pub fn replace(&mut self, index: usize, point: Point) {
-        self.points[index] = point;
     }
 
     /// Takes an experiment out; the last one takes its place.

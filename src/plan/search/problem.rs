@@ -1,5 +1,6 @@
 //! What is searched: the planning problem in relative units.
 
+use std::borrow::Cow;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use nalgebra::DMatrix;
@@ -65,8 +66,9 @@ pub struct Problem<'a> {
     /// Joints whose angle changes neither what any experiment tells nor the smooth bounds: axis 1
     /// under a vertical load.
     pub(super) indifferent: Vec<usize>,
-    /// The joints whose compliances the plan is to determine.
-    pub(super) parameters: Vec<usize>,
+    /// The unknowns of the belief that the search considers, by their places in ascending order: the identified compliances that show,
+    /// and where more counts, of the others what matters.
+    considered: Vec<usize>,
     /// Where only combinations of these show in any experiment: a basis of what does, in relative units;
     /// the plan is then about its coordinates.
     pub(super) basis: Option<DMatrix<f64>>,
@@ -74,10 +76,8 @@ pub struct Problem<'a> {
     impossible: Option<SearchError>,
     /// The typical size of each unknown, as of a compliance (rad/(N m)): the unit in which all is told.
     pub(super) sizes: Vec<f64>,
-    /// Where more is uncertain, all unknowns, of which the compliances are the first.
+    /// All that is uncertain, where more than the compliances and the noise of each deflection counts.
     pub(super) extended: Option<&'a Extended>,
-    /// Which of them the search considers.
-    considered: Vec<usize>,
     /// What is known before, and what mandatory experiments tell, shared out among the free ones; it stands
     /// beside an approximate design.
     pub(super) beside: Option<DMatrix<f64>>,
@@ -95,10 +95,10 @@ impl<'a> Problem<'a> {
         Self::considering(None, task, criterion, None)
     }
 
-    /// The same with all that is uncertain, be it little.
-    pub fn of_all(task: &'a Task, criterion: Criterion) -> Self {
+    /// That for the test poses with all that is uncertain, be it little.
+    pub fn of_all(task: &'a Task) -> Self {
         let all = (0..task.belief.unknowns()).collect();
-        Self::considering(Some(all), task, criterion, None)
+        Self::considering(Some(all), task, Criterion::TestPose, None)
     }
 
     /// The same for plans of these experiments alone: what none of them shows, no plan does.
@@ -113,12 +113,11 @@ impl<'a> Problem<'a> {
         criterion: Criterion,
         among: Option<&'a [Experiment]>,
     ) -> Self {
-        let parameters = &task.belief.parameters;
-        let mut problem = Self::of_parameters(considered, task, criterion, parameters);
+        let mut problem = Self::of_unknowns(considered, task, criterion);
         let names = task.belief.uncertain.further().map(str::to_owned);
         let names: Vec<String> = names.collect();
         if criterion != Criterion::TestPose && !names.is_empty() {
-            problem.impossible = Some(SearchError::CompliancesAlone { names });
+            problem.impossible = Some(SearchError::CompliancesAlone(names));
             return problem;
         }
         let size = problem.parameters();
@@ -169,30 +168,26 @@ impl<'a> Problem<'a> {
         let named = |indices: &[usize]| indices.iter().map(|&index| names[index].clone()).collect();
         let (alone, together): (Vec<usize>, Vec<usize>) =
             missing.iter().partition(|&&index| silent[index]);
-        if missing.iter().any(|&index| index >= self.parameters.len()) {
-            let names = named(&missing);
-            self.impossible = Some(SearchError::Undetermined { names });
+        let joints = self.joints();
+        if missing.iter().any(|&index| index >= joints.len()) {
+            self.impossible = Some(SearchError::Undetermined(named(&missing)));
         } else if !alone.is_empty() {
             let is_faint = |&&index: &&usize| {
-                let joint = self.parameters[index];
-                is_loaded(self.evaluator(), &self.ranges, self.task, joint)
+                is_loaded(self.evaluator(), &self.ranges, self.task, joints[index])
             };
             let (faint, idle): (Vec<usize>, Vec<usize>) = alone.iter().partition(is_faint);
             self.impossible = Some(if idle.is_empty() {
-                let joints = named(&faint);
-                SearchError::Faint { joints }
+                SearchError::Faint(named(&faint))
             } else {
-                let joints = named(&idle);
-                SearchError::NotExcited { joints }
+                SearchError::NotExcited(named(&idle))
             });
         } else if !together.is_empty() {
-            let joints = named(&together);
-            self.impossible = Some(SearchError::Inseparable { joints });
+            self.impossible = Some(SearchError::Inseparable(named(&together)));
         } else if basis.ncols() > 0 {
             let kept: Vec<usize> = (0..size).filter(|&index| !silent[index]).collect();
             if kept.len() == basis.ncols() && self.extended.is_none() {
-                let kept: Vec<usize> = kept.iter().map(|&index| self.parameters[index]).collect();
-                return Self::of_parameters(None, self.task, self.criterion, &kept);
+                let kept = kept.iter().map(|&index| self.considered[index]).collect();
+                return Self::of_unknowns(Some(kept), self.task, self.criterion);
             }
             self.test_poses = basis.tr_mul(&self.test_poses);
             self.prior = basis.tr_mul(&self.prior) * basis;
@@ -201,54 +196,39 @@ impl<'a> Problem<'a> {
         self
     }
 
-    fn of_parameters(
-        considered: Option<Vec<usize>>,
-        task: &'a Task,
-        criterion: Criterion,
-        parameters: &[usize],
-    ) -> Self {
-        let counts_extended = match criterion {
-            Criterion::TestPose => true,
-            // The criteria of Table 1 are about the instrument's noise alone.
-            _ => task.belief.uncertain.is_plain(),
-        };
+    /// About these unknowns, or those that matter for random plans.
+    fn of_unknowns(considered: Option<Vec<usize>>, task: &'a Task, criterion: Criterion) -> Self {
+        let belief = &task.belief;
+        // The criteria of Table 1 are about the instrument's noise alone.
+        let is_counted = criterion == Criterion::TestPose || belief.uncertain.is_plain();
         let extended =
-            Some(&task.belief.uncertain).filter(|each| counts_extended && !each.has_closed_forms());
-        let ranges = ranges_of(&task.region);
-        let mut considered = considered.unwrap_or_default();
-        let (sizes, test_poses, prior) = if let Some(extended) = extended {
-            let sizes = task.belief.sizes();
-            let test_poses = scaled(&task_rows(task), &sizes);
-            if considered.is_empty() {
-                considered = relevant(task, extended, &sizes, &test_poses, &ranges);
-            }
-            let prior = task.belief.prior_information();
-            (
-                considered.iter().map(|&index| sizes[index]).collect(),
-                test_poses.select_rows(&considered),
-                (prior.select_rows(&considered)).select_columns(&considered),
-            )
+            Some(&belief.uncertain).filter(|each| is_counted && !each.has_closed_forms());
+        let (ranges, sizes, joints) = (ranges_of(&task.region), belief.sizes(), &belief.parameters);
+        let rows = if extended.is_some() {
+            task_rows(task)
         } else {
-            let rows = |pose: &TestPose| test_pose_matrix(&task.belief, pose, parameters);
-            let rows = weighted_rows(&task.test_poses, parameters.len(), &rows);
-            let sizes = task.belief.nominal.typical_rad_per_nm(parameters);
-            let test_poses = scaled(&rows, &sizes);
-            (sizes, test_poses, prior_information(task, parameters))
+            let rows = |pose: &TestPose| test_pose_matrix(belief, pose, joints);
+            weighted_rows(&task.test_poses, joints.len(), &rows)
         };
+        let test_poses = scaled(&rows, &sizes);
+        let considered = considered.unwrap_or_else(|| match extended {
+            Some(extended) => relevant(task, extended, &sizes, &test_poses, &ranges),
+            None => (0..joints.len()).collect(),
+        });
+        let prior = belief.prior_information();
         Self {
             among: None,
             indifferent: Vec::new(),
             bounds: bounds_of(&task.region),
             ranges,
-            test_poses,
+            test_poses: test_poses.select_rows(&considered),
+            prior: (prior.select_rows(&considered)).select_columns(&considered),
+            sizes: considered.iter().map(|&place| sizes[place]).collect(),
             extended,
             considered,
-            parameters: parameters.to_vec(),
             basis: None,
             impossible: None,
             beside: None,
-            prior,
-            sizes,
             criterion,
             effort: Effort::default(),
             stop: None,
@@ -275,6 +255,16 @@ impl<'a> Problem<'a> {
         Self {
             bounds: bounds_of(&region),
             ranges: ranges_of(&region),
+            ..self.clone()
+        }
+    }
+
+    /// The same problem near an experiment's joint angles, whatever the bounds of the region.
+    pub(super) fn near(&self, experiment: &Experiment, within_rad: f64) -> Self {
+        let range = |angle: &f64| (angle - within_rad, angle + within_rad);
+        Self {
+            bounds: Vec::new(),
+            ranges: experiment.configuration_rad.iter().map(range).collect(),
             ..self.clone()
         }
     }
@@ -318,16 +308,17 @@ impl<'a> Problem<'a> {
 
     /// The names of the unknowns.
     fn names(&self) -> Vec<String> {
-        let belief = &self.task.belief;
-        if self.extended.is_some() {
-            let names = belief.unknown_names();
-            return (self.considered.iter())
-                .map(|&index| names[index].clone())
-                .collect();
-        }
-        let joints = &belief.nominal.chain.joints;
-        (self.parameters.iter())
-            .map(|&joint| joints[joint].name.clone())
+        let all = self.task.belief.unknown_names();
+        (self.considered.iter())
+            .map(|&place| all[place].clone())
+            .collect()
+    }
+
+    /// The joints whose compliances the plan is to determine.
+    pub(super) fn joints(&self) -> Vec<usize> {
+        let all = &self.task.belief.parameters;
+        (self.considered.iter())
+            .filter_map(|&place| all.get(place).copied())
             .collect()
     }
 
@@ -381,8 +372,8 @@ impl<'a> Problem<'a> {
     /// Plans over a region are not optimised by the problem's criterion, or what is asked for does not show.
     pub(super) fn optimised_as(&self) -> Result<Criterion, SearchError> {
         self.check_excited()?;
-        let criterion = self.criterion.name();
-        (self.criterion.bounded_as()).ok_or(SearchError::NotOptimised { criterion })
+        let not_optimised = SearchError::NotOptimised(self.criterion.name());
+        self.criterion.bounded_as().ok_or(not_optimised)
     }
 
     /// What is asked for must show in some experiments.
@@ -393,25 +384,16 @@ impl<'a> Problem<'a> {
         self.impossible.clone().map_or(Ok(()), Err)
     }
 
-    /// The information of what stands beside every design.
-    pub(super) fn information_beside(&self) -> DMatrix<f64> {
-        let size = self.parameters();
-        (self.beside.clone()).unwrap_or_else(|| DMatrix::zeros(size, size))
-    }
-
-    /// The number of compliances, or of their combinations, of which nothing is known before.
-    pub fn to_find(&self) -> usize {
-        let size = self.parameters();
-        if self.is_informed() {
-            size - Estimable::new(&self.prior, &vec![1.0; size]).rank()
-        } else {
-            size
-        }
-    }
-
-    /// The fewest measurements that give as many numbers as there are to find.
+    /// The fewest measurements that give as many numbers as there are to find: unknowns, or their combinations, of which nothing is known
+    /// before.
     pub fn fewest(&self) -> u32 {
-        (self.task.belief.instrument.reads_along()).fewest(self.to_find())
+        let size = self.parameters();
+        let known = if self.is_informed() {
+            Estimable::new(&self.prior, &vec![1.0; size]).rank()
+        } else {
+            0
+        };
+        (self.task.belief.instrument.reads_along()).fewest(size - known)
     }
 
     /// Whether a plan determines what the criterion asks for.
@@ -430,7 +412,7 @@ impl<'a> Problem<'a> {
     pub fn evaluator(&self) -> MatrixEvaluator<'a> {
         let belief = &self.task.belief;
         let precision = belief.instrument.precision();
-        let (joints, sizes) = (&self.parameters, &self.sizes);
+        let (joints, sizes) = (&self.joints(), &self.sizes);
         let readings = if let Some(extended) = self.extended {
             extended.readings(&self.considered, sizes, precision)
         } else {
@@ -463,7 +445,10 @@ impl<'a> Problem<'a> {
 
     /// The scaled information matrix of a plan, with what is known before it.
     pub fn information(&self, plan: &Plan) -> DMatrix<f64> {
-        let plan = &*as_repeats(plan, self.extended);
+        let plan = &*match self.extended {
+            Some(extended) => as_repeats(plan, extended),
+            None => Cow::Borrowed(plan),
+        };
         let mut evaluator = self.evaluator();
         let mut matrix = evaluator.matrix();
         let mut information = self.prior.clone();
@@ -533,14 +518,6 @@ pub(super) fn determines(
     }
 }
 
-/// What is known of some of the identified compliances before any measurement, in relative units.
-fn prior_information(task: &Task, parameters: &[usize]) -> DMatrix<f64> {
-    let all = task.belief.prior_information();
-    let place = |joint: &usize| task.belief.parameters.iter().position(|each| each == joint);
-    let places: Vec<usize> = parameters.iter().filter_map(place).collect();
-    all.select_rows(&places).select_columns(&places)
-}
-
 fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
     let ranges = region.joint_range_rad.iter();
     ranges.map(|&[low, high]| (low, high)).collect()
@@ -548,7 +525,7 @@ fn ranges_of(region: &Region) -> Vec<(f64, f64)> {
 
 /// C^T (p x 3 poses) in relative units.
 fn scaled(rows: &DMatrix<f64>, sizes: &[f64]) -> DMatrix<f64> {
-    DMatrix::from_fn(sizes.len(), rows.nrows(), |parameter, row| {
+    DMatrix::from_fn(rows.ncols(), rows.nrows(), |parameter, row| {
         rows[(row, parameter)] * sizes[parameter]
     })
 }

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use nalgebra::{DMatrix, Matrix3xX};
 
-use super::local::{LocalSearch, Precision};
+use super::local::Precision;
 use super::point::{Point, add_information, in_directions};
 use super::problem::Problem;
 use super::sampling::RandomPlans;
@@ -30,12 +30,7 @@ pub(super) struct Found {
 /// Refines plans; one for each thread.
 pub(super) struct Refinement<'a> {
     pub problem: &'a Problem<'a>,
-    pub local: LocalSearch<'a>,
     pub sampler: RandomPlans<'a>,
-    /// Whether deflections of one configuration share errors,
-    is_shared_by_configuration: bool,
-    /// and whether a point tells something else where it is repeated more often.
-    is_shared_by_repeats: bool,
     /// The information of the mandatory experiments.
     pub mandatory: DMatrix<f64>,
     pub work: RefCell<Work>,
@@ -52,10 +47,7 @@ impl<'a> Refinement<'a> {
         let size = problem.parameters();
         Self {
             problem,
-            local: LocalSearch::new(problem),
             sampler: RandomPlans::new(problem),
-            is_shared_by_configuration: problem.is_shared_by_configuration(),
-            is_shared_by_repeats: problem.is_shared_by_repeats(),
             mandatory: problem.information(&problem.task.design.mandatory),
             work: RefCell::new(Work {
                 cost: problem.cost(),
@@ -69,7 +61,7 @@ impl<'a> Refinement<'a> {
     pub fn known(&self, experiments: &[Experiment]) -> Found {
         let points = experiments.iter().map(|each| {
             let q = each.configuration_rad.as_slice();
-            self.local.point(q, &each.load, each.direction)
+            self.sampler.local.point(q, &each.load, each.direction)
         });
         let repeats = experiments.iter().map(|each| each.repeats).collect();
         self.plan(points.collect(), repeats)
@@ -166,7 +158,7 @@ impl<'a> Refinement<'a> {
                 found.points[index] = better;
                 continue;
             }
-            let is_inside = self.local.is_inside(&present.q, &present.load);
+            let is_inside = self.sampler.local.is_inside(&present.q, &present.load);
             if is_inside && !extrapolated {
                 continue;
             }
@@ -189,8 +181,8 @@ impl<'a> Refinement<'a> {
             let points = before.iter().zip(&best.points).map(|(before, after)| {
                 let q = (before.q.iter().zip(&after.q))
                     .map(|(before, after)| after + factor * (after - before));
-                let q = self.local.in_ranges(q.collect());
-                self.local.point(&q, &after.load, after.direction)
+                let q = self.sampler.local.in_ranges(q.collect());
+                self.sampler.local.point(&q, &after.load, after.direction)
             });
             let found = self.plan(points.collect(), best.repeats.clone());
             if found.cost >= lowest {
@@ -236,14 +228,14 @@ impl<'a> Refinement<'a> {
 
     /// A point in a configuration of its own beside some, where those of one configuration share errors and another tells the same.
     pub fn apart(&mut self, point: Point, others: &[Point]) -> Point {
-        let apart =
-            (self.is_shared_by_configuration).then(|| self.sampler.variant_beside(&point, others));
+        let apart = (self.problem.is_shared_by_configuration())
+            .then(|| self.sampler.variant_beside(&point, others));
         apart.flatten().unwrap_or(point)
     }
 
     /// Adds what one repeat more or less of a point tells.
     fn change_repeats(&self, sum: &mut DMatrix<f64>, point: &Point, repeats: u32, change: i32) {
-        if self.is_shared_by_repeats {
+        if self.problem.is_shared_by_repeats() {
             self.add(sum, point, repeats, -1.0);
             self.add(sum, point, repeats.saturating_add_signed(change), 1.0);
         } else {
@@ -270,10 +262,10 @@ impl<'a> Refinement<'a> {
 
     /// A point as one that is repeated so often, where it then tells something else.
     fn repeated(&self, point: &Point, repeats: u32) -> Option<Point> {
-        (self.is_shared_by_repeats && repeats != 1).then(|| {
-            self.local.set_repeats(repeats);
-            let repeated = (self.local).point(&point.q, &point.load, point.direction);
-            self.local.set_repeats(1);
+        (self.problem.is_shared_by_repeats() && repeats != 1).then(|| {
+            self.sampler.local.set_repeats(repeats);
+            let repeated = (self.sampler.local).point(&point.q, &point.load, point.direction);
+            self.sampler.local.set_repeats(1);
             repeated
         })
     }
@@ -302,7 +294,7 @@ impl<'a> Refinement<'a> {
     /// Whether some points are one configuration, where those share errors, or would be one with repeats, where these do.
     fn has_coincident(&self, points: &[Point]) -> bool {
         let is_one = |one: &Point, other: &Point| {
-            if self.is_shared_by_configuration {
+            if self.problem.is_shared_by_configuration() {
                 return one.q == other.q;
             }
             one.load == other.load
@@ -312,7 +304,7 @@ impl<'a> Refinement<'a> {
         let is_earlier = |(place, point): (usize, &Point)| {
             points[..place].iter().any(|each| is_one(each, point))
         };
-        self.is_shared_by_repeats && points.iter().enumerate().any(is_earlier)
+        self.problem.is_shared_by_repeats() && points.iter().enumerate().any(is_earlier)
     }
 
     /// The cost of a plan with a point in place of another, beside the information of the rest; `apart` where experiments share
@@ -325,7 +317,7 @@ impl<'a> Refinement<'a> {
         rest: &DMatrix<f64>,
         apart: f64,
     ) -> f64 {
-        if !self.is_shared_by_repeats {
+        if !self.problem.is_shared_by_repeats() {
             return apart;
         }
         let mut points = found.points.clone();
@@ -368,19 +360,19 @@ impl<'a> Refinement<'a> {
             }
             value
         };
-        let is_outside = !self.local.is_inside(&present.q, &present.load);
+        let is_outside = !self.sampler.local.is_inside(&present.q, &present.load);
         let before = cost(&present.matrix, None);
         if is_repeated {
-            self.local.set_repeats(repeats);
+            self.sampler.local.set_repeats(repeats);
         }
-        let improved = (self.local.improve(present, &cost, precision))
+        let improved = (self.sampler.local.improve(present, &cost, precision))
             .filter(|improved| is_outside || cost(&improved.matrix, None) < before);
         if !is_repeated {
             return self.sampler.clear_variant(&improved?);
         }
         // A point keeps what it tells once: its repeats may move.
-        self.local.set_repeats(1);
+        self.sampler.local.set_repeats(1);
         let clear = self.sampler.clear_variant(&improved?)?;
-        Some((self.local).point(&clear.q, &clear.load, clear.direction))
+        Some((self.sampler.local).point(&clear.q, &clear.load, clear.direction))
     }
 }

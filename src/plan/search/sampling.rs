@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::error::SearchError;
 use super::local::LocalSearch;
-use super::point::{Point, force};
+use super::point::{Point, experiment, force};
 use super::problem::Problem;
 use crate::experiment::Loads;
 use crate::numeric::random::{generator, streams};
@@ -33,7 +33,7 @@ const VARIANTS: usize = 24;
 #[derive(Debug)]
 pub struct RandomPlans<'a> {
     problem: &'a Problem<'a>,
-    local: LocalSearch<'a>,
+    pub(super) local: LocalSearch<'a>,
     feasibility: Feasibility<'a>,
 }
 
@@ -62,7 +62,7 @@ impl<'a> RandomPlans<'a> {
         let q = uniform(&self.problem.ranges, random);
         let load = self.load(&q, random)?;
         let direction = self.direction(random);
-        (self.local.is_inside(&q, &load)).then(|| experiment(q, load, direction))
+        (self.local.is_inside(&q, &load)).then(|| experiment(&q, load, direction, 1))
     }
 
     /// Random plan number `run` under a seed.
@@ -147,7 +147,7 @@ impl<'a> RandomPlans<'a> {
             let load = self
                 .load(&q, &mut random)
                 .unwrap_or_else(|| self.least_load());
-            let experiment = experiment(q, load, self.direction(&mut random));
+            let experiment = experiment(&q, load, self.direction(&mut random), 1);
             let violations = self.feasibility.violations_of(1, &experiment);
             let kinds: BTreeSet<String> = violations.iter().map(Violation::kind).collect();
             for what in kinds {
@@ -289,16 +289,6 @@ pub fn median_random_plan(
         .collect::<Result<Vec<(f64, Plan)>, SearchError>>()?;
     predicted.sort_by(|one, other| one.0.total_cmp(&other.0));
     Ok(predicted.swap_remove(predicted.len() / 2))
-}
-
-fn experiment(q: Vec<f64>, load: Load, direction: Option<Vector3<f64>>) -> Experiment {
-    Experiment {
-        configuration_rad: nalgebra::DVector::from_vec(q),
-        load,
-        repeats: 1,
-        approach: None,
-        direction,
-    }
 }
 
 /// Counts, the largest first.

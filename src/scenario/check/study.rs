@@ -251,7 +251,7 @@ impl ArmChecker<'_> {
             } => {
                 if criterion.bounded_as().is_none() {
                     let criterion = criterion.name();
-                    let problem = SearchError::NotOptimised { criterion }.to_string();
+                    let problem = SearchError::NotOptimised(criterion).to_string();
                     return Err(self.wrong(&format!("{key}.criterion"), problem));
                 }
                 let experiments_key = format!("{key}.experiments");
