@@ -107,6 +107,26 @@ fn joint_errors_come_again_in_each_turn() {
     let conditions = further["conditions"].as_array().expect("conditions").iter();
     let codes: Vec<&Value> = conditions.map(|each| &each["code"]).collect();
     assert!(!codes.iter().any(|code| *code == "C0311"), "{codes:?}");
+    // A tolerance is judged beside these functions, too.
+    let judged = place
+        .run("validate --identified i.json --measurements m.csv --tolerance-um 500 --json --quiet")
+        .json();
+    let each = judged["tolerance"]["measurements"].as_array().expect("all");
+    let left = &judged["residuals_with_joint_errors_mm"];
+    assert_eq!(each.len(), 120);
+    for (each, left) in each.iter().zip(left.as_array().expect("all")) {
+        let distance_um = numbers(left)
+            .iter()
+            .map(|each| each * each)
+            .sum::<f64>()
+            .sqrt()
+            * 1e3;
+        let judged_um = each["distance_um"].as_f64().expect("a number");
+        assert!(
+            (distance_um - judged_um).abs() < 1e-6 * distance_um,
+            "{judged_um} {distance_um}"
+        );
+    }
 }
 
 /// A station is not said to be moved since joints that turn about it err by what nobody read, alike in all readings there.

@@ -110,6 +110,24 @@ fn the_next_reading_is_the_best() {
     assert_eq!(beyond["reached"], false);
 }
 
+/// Of few configurations those that are taken count; one more may be read.
+#[test]
+fn the_next_readings_visit_as_few_configurations_as_the_campaign_may() {
+    let place = workplace();
+    let rows = OTHERS.map(|q| row(q, false, "spindle"));
+    place.write("c.csv", HEADER.to_owned() + &rows.concat());
+    let few = "[design]\nconfigurations = ";
+    for (most, more) in [(8, 2), (7, 1), (6, 1)] {
+        let text =
+            (absolute_scenario_text("ur10") + SHARED).replace("[design]", &format!("{few}{most}"));
+        place.write("s.toml", text);
+        let json = place.json(&format!("{NEXT} --experiments 9"));
+        let plan = json["plan"].as_array().expect("readings");
+        let repeats: f64 = plan.iter().map(|each| number(&each["repeats"])).sum();
+        assert!(plan.len() <= more && repeats == 3.0, "{most}: {plan:?}");
+    }
+}
+
 /// A table that is filled in to a part is taken as far as it is filled in.
 #[test]
 fn tables_are_taken_as_far_as_they_are_filled_in() {
