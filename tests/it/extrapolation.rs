@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::model_selection::read_within;
 use crate::one_fit::{between, seen_arm, ur10, workplace};
-use crate::support::Workplace;
+use crate::support::{Workplace, numbers};
 
 /// A robot whose joints err once to five times a turn, read in one part of joint space and in another.
 fn halves(seed: u64, readings: usize) -> Workplace {
