@@ -124,7 +124,10 @@ fn the_next_readings_visit_as_few_configurations_as_the_campaign_may() {
         let json = place.json(&format!("{NEXT} --experiments 9"));
         let plan = json["plan"].as_array().expect("readings");
         let repeats: f64 = plan.iter().map(|each| number(&each["repeats"])).sum();
-        assert!(plan.len() <= more && repeats == 3.0, "{most}: {plan:?}");
+        assert!(
+            plan.len() <= more && (repeats - 3.0).abs() < 1e-9,
+            "{most}: {plan:?}"
+        );
     }
 }
 

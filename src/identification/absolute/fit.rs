@@ -426,13 +426,13 @@ impl AbsoluteFit {
 
     /// By how many standard errors the interval of 95 % of a parameter reaches to either side.
     pub fn reach95(&self, index: usize) -> f64 {
-        let degrees = match &self.discrepancy_model {
-            Some(model) => model.degrees[index],
-            None => {
-                let of = (index, self.posterior.mean[index]);
-                told_degrees(&self.set, &self.posterior.covariance, of, self.degrees)
-            }
+        let value = self.posterior.mean[index];
+        let told = || {
+            let covariance = &self.posterior.covariance;
+            told_degrees(&self.set, covariance, (index, value), self.degrees)
         };
+        let model = self.discrepancy_model.as_ref();
+        let degrees = model.map_or_else(told, |model| model.degrees[index]);
         two_sided_student(degrees)
     }
 
