@@ -75,7 +75,7 @@ pub(super) fn inconsistent(
     let mut is_usual = left_and_usual.is_some();
     let parts: Vec<String> = parts
         .map(|([left, usual], unit)| {
-            is_usual &= left <= usual;
+            is_usual &= left <= usual && usual > 0.0;
             let than = ["more than", "within"][usize::from(left <= usual)];
             let [left, usual] = [left, usual].map(|each| each * 1e3);
             format!("{left:.4} {unit} in the weights, {than} the usual {usual:.4} {unit}")

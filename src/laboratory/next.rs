@@ -169,35 +169,64 @@ impl Remaining {
         configurations.count() <= most && has_mandatory && are_possible
     }
 
-    /// A rest with its prediction (m), in which what is measured is measured again in place of single measurements, as long as that is
-    /// better: it takes no configuration more.
-    fn repeating(&self, (mut rho0_m, mut rest): (f64, Plan)) -> (f64, Plan) {
-        loop {
-            let mut better: Option<(f64, Plan)> = None;
-            for place in 0..rest.experiments.len() {
-                for again in &self.carried_out.experiments {
-                    let mut other = rest.clone();
-                    other.experiments.push(Experiment {
-                        repeats: 1,
-                        ..again.clone()
-                    });
-                    match &mut other.experiments[place].repeats {
-                        1 => drop(other.experiments.remove(place)),
-                        more => *more -= 1,
-                    }
-                    other.put_repeats_together();
-                    let found = self.rho0_m(&other).unwrap_or(f64::INFINITY);
-                    if found < better.as_ref().map_or(rho0_m * BETTER, |best| best.0)
-                        && self.allows(&other)
-                    {
-                        better = Some((found, other));
-                    }
+    /// A rest with its prediction (m), with one measurement again of what is measured or in it: as far as that is allowed, the best.
+    fn once_more(&self, rest: &Plan) -> Option<(f64, Plan)> {
+        let all = self.carried_out.experiments.iter().chain(&rest.experiments);
+        let others = all.map(|again| {
+            let mut other = rest.clone();
+            let again = again.clone();
+            other.experiments.push(Experiment {
+                repeats: 1,
+                ..again
+            });
+            other.put_repeats_together();
+            other
+        });
+        self.best_of(others, f64::INFINITY)
+    }
+
+    /// The best of some rests, with its prediction (m), among those that are allowed and better than given.
+    fn best_of(&self, rests: impl Iterator<Item = Plan>, least_m: f64) -> Option<(f64, Plan)> {
+        let predicted = rests.filter_map(|rest| Some((self.rho0_m(&rest)?, rest)));
+        let mut better: Vec<_> = predicted.filter(|each| each.0 < least_m).collect();
+        better.sort_by(|one, other| one.0.total_cmp(&other.0));
+        better.into_iter().find(|(_, rest)| self.allows(rest))
+    }
+
+    /// A rest with its prediction (m), in which single measurements are others of it, or of what is measured, as long as that is better: it
+    /// takes no configuration more.
+    fn exchanged(&self, (mut rho0_m, mut rest): (f64, Plan)) -> (f64, Plan) {
+        for _ in 0..rest.measurements() {
+            let without = (0..rest.experiments.len()).map(|place| {
+                let mut without = rest.clone();
+                match &mut without.experiments[place].repeats {
+                    1 => drop(without.experiments.remove(place)),
+                    more => *more -= 1,
                 }
+                without
+            });
+            let each = without.filter_map(|rest| self.once_more(&rest));
+            let best = each.min_by(|one, other| one.0.total_cmp(&other.0));
+            match best.filter(|best| best.0 < rho0_m * BETTER) {
+                Some(best) => (rho0_m, rest) = best,
+                None => break,
             }
-            let Some(found) = better else {
-                return (rho0_m, rest);
-            };
-            (rho0_m, rest) = found;
+        }
+        (rho0_m, rest)
+    }
+
+    /// The best of few configurations, with its prediction (m): exchanged from a rest that is found, and from one that has each configuration
+    /// once and grows by the best measurement again.
+    fn of_few(&self, found: (f64, Plan), once: Option<Plan>, count: u32) -> (f64, Plan) {
+        let mut grown = once;
+        while let Some(rest) = grown.as_ref().filter(|rest| rest.measurements() < count) {
+            grown = self.once_more(rest).map(|(_, rest)| rest);
+        }
+        let grown = grown.and_then(|rest| Some((self.rho0_m(&rest)?, rest)));
+        let best = self.exchanged(found);
+        match grown.map(|grown| self.exchanged(grown)) {
+            Some(grown) if grown.0 < best.0 => grown,
+            _ => best,
         }
     }
 }
@@ -262,8 +291,11 @@ fn planned(left: &Remaining, count: u32, seed: u64, watch: Watch<'_>) -> Result<
     {
         best = (old, rho0_m);
     }
-    if task.design.configurations.is_some() {
-        best = left.repeating(best);
+    if let Some(most) = task.design.configurations.filter(|most| *most < count) {
+        task.design.experiments = most.max(task.design.mandatory.measurements());
+        let once = PlanSearch::new(Problem::new(&task, Criterion::TestPose), seed)
+            .and_then(|mut search| search.best(PlanSize::wanted_by(&task), watch, &[]));
+        best = left.of_few(best, once.ok().map(|design| design.plan), count);
     }
     let (rho0_m, plan) = best;
     Ok(Rest {

@@ -147,6 +147,18 @@ impl Prior {
         })
     }
 
+    /// What the curvature by a logarithm has besides Gauss-Newton's, as precisions at places in units of typical sizes: where readings, whose
+    /// right-hand side of the normal equations is `right` (p, likewise), draw a value x down to nothing, -right/x.
+    pub fn beside_gauss_newton<'a>(
+        &'a self,
+        values: &'a DVector<f64>,
+        typical: &'a [f64],
+        right: &'a DVector<f64>,
+    ) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let drawn = self.ratios.iter().filter(|(place, _)| right[*place] < 0.0);
+        drawn.map(move |&(place, _)| (place, -right[place] * typical[place] / values[place]))
+    }
+
     /// A change from values (p) as a step of a fit: what is known by its ratio changes by a factor, no step by more than e.
     pub fn step_from(&self, values: &DVector<f64>, mut change: DVector<f64>) -> DVector<f64> {
         let logarithm = |(place, _): &(usize, f64)| (change[*place] / values[*place]).abs();

@@ -116,10 +116,10 @@ fn the_next_readings_visit_as_few_configurations_as_the_campaign_may() {
     let place = workplace();
     let rows = OTHERS.map(|q| row(q, false, "spindle"));
     place.write("c.csv", HEADER.to_owned() + &rows.concat());
-    let few = "[design]\nconfigurations = ";
     for (most, more) in [(8, 2), (7, 1), (6, 1)] {
-        let text =
-            (absolute_scenario_text("ur10") + SHARED).replace("[design]", &format!("{few}{most}"));
+        let few = format!("experiments = 9\nconfigurations = {most}");
+        let text = absolute_scenario_text("ur10") + SHARED;
+        let text = text.replace("experiments = 4", &few);
         place.write("s.toml", text);
         let json = place.json(&format!("{NEXT} --experiments 9"));
         let plan = json["plan"].as_array().expect("readings");

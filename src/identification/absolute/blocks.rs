@@ -100,12 +100,17 @@ impl AbsoluteCase<'_> {
 
     /// How many different configurations were read.
     pub fn different(&self) -> usize {
+        self.command_poses().len()
+    }
+
+    /// The readings of each configuration.
+    pub(super) fn command_poses(&self) -> Vec<Vec<usize>> {
         let q = |reading: usize| &self.observations[reading].setup.commanded_rad;
         let (pose, is_alike) = (
             |reading| (q(reading), None),
             |one, other| q(one) == q(other),
         );
-        together(self.observations.len(), pose, is_alike).len()
+        together(self.observations.len(), pose, is_alike)
     }
 
     /// Which of the readings do not hang on directions (p x f, in typical sizes) that others leave open.

@@ -20,29 +20,59 @@ const LITTLE: f64 = 0.1;
 impl<'a> AbsoluteCase<'a> {
     /// Fits without the readings that lie far out of a first fit with its discrepancy. None where none does and none was left out, where too
     /// many do, or where the others determine less than all.
+    ///
+    /// What no parameter explains is alike in the readings of a command pose. Whether all of them lie far out is therefore judged by the
+    /// number of poses, and a single one that contradicts the others by that of readings.
     pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
+        let found = self.without_far_out_by(first, 1.0)?;
+        let is_out = outliers::rejected_of(self.observations.len(), &found.rejected);
+        let mut poses = self.command_poses();
+        let alone = poses.len() as f64 / self.observations.len() as f64;
+        poses.retain(|pose| pose.len() > 1 && pose.iter().all(|&reading| is_out[reading]));
+        if poses.is_empty() {
+            return Some(found);
+        }
+        let by_poses = self.without_far_out_by(first, alone);
+        let mut rejected = (by_poses.as_ref()).map_or_else(Vec::new, |each| each.rejected.clone());
+        let is_known = outliers::rejected_of(self.observations.len(), &rejected);
+        let single = found.rejected.iter().filter(|each| {
+            let is_whole = poses.iter().any(|pose| pose.contains(&each.reading));
+            !is_whole && !is_known[each.reading]
+        });
+        let before = rejected.len();
+        rejected.extend(single.cloned());
+        if rejected.len() == before {
+            return by_poses;
+        }
+        rejected.sort_by_key(|each| each.reading);
+        self.fit_without(&rejected, &first.fit.set, Some(&found))
+            .ok()
+    }
+
+    /// The same, where so large a share of the readings errs independently.
+    fn without_far_out_by(&self, first: &KeptFit<'a>, alone: f64) -> Option<KeptFit<'a>> {
         let (set, rank) = (&first.fit.set, first.fit.posterior.estimable.rank());
-        let suspects = self.looked_over(first, &first.fit)?.suspects();
+        let suspects = self.looked_over(first, &first.fit, alone)?.suspects();
         if !first.rejected.is_empty() {
             // Geometry and elasticity may explain what frames alone do not, and what is known before of all the rest alone.
             let all = self.by_known_errors(&[], set, None).ok();
             let is_none_suspect = suspects.as_ref().is_some_and(Vec::is_empty);
             if is_none_suspect || all.as_ref().is_some_and(FitByKnownErrors::is_explained) {
                 let all = self.completed(all?, &[], set).ok()?;
-                return Some(self.without_far_out(&all).unwrap_or(all));
+                return Some(self.without_far_out_by(&all, alone).unwrap_or(all));
             }
         }
         let mut rejected = suspects?;
         if rejected.is_empty()
             && first.discrepancy.is_some()
-            && let Some(robust) = self.robust_fit(&first.fit)
+            && let Some(robust) = self.robust_fit(&first.fit, alone)
         {
             // Many that err alike draw the fit to themselves, too.
-            rejected = self.looked_over(first, &robust)?.far_out()?;
+            rejected = self.looked_over(first, &robust, alone)?.far_out()?;
         }
         let (rejected, mut found) = outliers::until_the_same(
             rejected,
-            |found: &KeptFit<'a>| self.looked_over(found, &found.fit)?.far_out(),
+            |found: &KeptFit<'a>| self.looked_over(found, &found.fit, alone)?.far_out(),
             |rejected, before| {
                 let found = (self.fit_without(rejected, set, before)).ok()?;
                 (found.fit.posterior.estimable.rank() >= rank).then_some(found)
@@ -75,8 +105,8 @@ impl<'a> AbsoluteCase<'a> {
 impl AbsoluteCase<'_> {
     /// A fit from near another one that gross errors pull far less: of least absolute deviations (Huber), then with weights that fall with
     /// larger ones (Cauchy), so that those which are alike and close to each other do not pull it either. None of few readings.
-    pub(super) fn robust_fit(&self, first: &ParameterFit) -> Option<ParameterFit> {
-        if self.is_pulled(first) {
+    fn robust_fit(&self, first: &ParameterFit, alone: f64) -> Option<ParameterFit> {
+        if is_pulled(first, alone) {
             return None;
         }
         let (mut case, mut fit) = (self.clone(), first.clone());
@@ -135,11 +165,13 @@ impl AbsoluteCase<'_> {
         Some(())
     }
 
-    /// What a fit to all readings but those that were rejected, or another one of these that is robust, says of all.
-    pub(super) fn looked_over(
+    /// What a fit to all readings but those that were rejected, or another one of these that is robust, says of all, where so large a share
+    /// of them errs independently.
+    fn looked_over(
         &self,
         found: &KeptFit<'_>,
         fit: &ParameterFit,
+        alone: f64,
     ) -> Option<LookedOver<'_>> {
         let mut here = self.clone();
         let values = here.rebased(fit);
@@ -149,8 +181,8 @@ impl AbsoluteCase<'_> {
         }
         let discrepancy = discrepancy_covariance(found.discrepancy.unwrap_or_default());
         let mut known = vec![Matrix6::zeros(); here.covariances.len()];
-        let is_pulled = self.is_pulled(fit);
-        let independent = self.independent_rows(fit);
+        let is_pulled = is_pulled(fit, alone);
+        let independent = fit.rows as f64 * alone;
         let spare = (independent - fit.determined).max(1.0) / independent;
         if is_pulled {
             let rows = here.rows_at(&here.arm, &fit.set, values.as_slice(), &[]);
@@ -180,14 +212,9 @@ impl AbsoluteCase<'_> {
             plausible: None,
         })
     }
+}
 
-    /// How many of a fit's scalar readings err independently: those at one command pose err alike by what no parameter explains.
-    fn independent_rows(&self, fit: &ParameterFit) -> f64 {
-        fit.rows as f64 * self.different() as f64 / self.observations.len() as f64
-    }
-
-    /// Whether what is read at a single command pose can draw a fit to itself.
-    fn is_pulled(&self, fit: &ParameterFit) -> bool {
-        fit.determined >= LITTLE * self.independent_rows(fit)
-    }
+/// Whether a single reading, of which so large a share errs independently, can draw a fit to itself.
+fn is_pulled(fit: &ParameterFit, alone: f64) -> bool {
+    fit.determined >= LITTLE * fit.rows as f64 * alone
 }

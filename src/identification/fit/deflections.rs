@@ -242,6 +242,34 @@ struct DeflectionProblem<'a> {
     begun: f64,
 }
 
+impl DeflectionProblem<'_> {
+    /// Adds what the curvature by logarithms has besides Gauss-Newton's at values (p); its factor where that is something.
+    fn bend(
+        &self,
+        information: &mut DMatrix<f64>,
+        rows: &DeflectionRows,
+        values: &DVector<f64>,
+    ) -> Option<Cholesky<f64, Dyn>> {
+        let prior = self.source.belief.uncertain.set().prior();
+        if prior.ratios.is_empty() {
+            return None;
+        }
+        let readings = self.read.len();
+        let right = (rows.matrix.rows(0, readings)).tr_mul(&rows.left.rows(0, readings));
+        let (basis, one) = (
+            self.start.estimable.basis_in_units(),
+            vec![1.0; values.len()],
+        );
+        let mut is_bent = false;
+        for (place, more) in prior.beside_gauss_newton(values, &one, &right) {
+            let along = basis.row(place).transpose();
+            information.ger(more, &along, &along, 1.0);
+            is_bent = true;
+        }
+        is_bent.then(|| sound_factor(information.clone())).flatten()
+    }
+}
+
 impl FitProblem for DeflectionProblem<'_> {
     /// The rows, and the information's factor where it is not singular to rounding.
     type Kept = (DeflectionRows, Option<Cholesky<f64, Dyn>>);
@@ -256,10 +284,11 @@ impl FitProblem for DeflectionProblem<'_> {
         let (prior, off) = self.source.prior_rows_at(&values)?;
         let rows = DeflectionRows::new(predicted, &equations.whitening, &prior, &off);
         let rows = rows.reading(&self.read);
-        let information = start.information(&rows);
+        let mut information = start.information(&rows);
         let factor = sound_factor(information.clone());
         let gradient = start.gradient(&rows);
-        let step = start.step(&rows, &gradient, factor.as_ref());
+        let bent = self.bend(&mut information, &rows, &values);
+        let step = start.step(&rows, &gradient, bent.as_ref().or(factor.as_ref()));
         Ok(FitPlace {
             values,
             square: rows.left.norm_squared(),

@@ -260,16 +260,31 @@ impl ReadingProblem<'_> {
         equations: NormalEquations,
     ) -> FitResult<ReadingPlace> {
         let known = self.prior_at(&values)?;
-        let information = &equations.information + &known.precision;
-        let information = self.basis.tr_mul(&information) * self.basis;
+        let within = |information: &DMatrix<f64>| self.basis.tr_mul(information) * self.basis;
+        let mut all = &equations.information + &known.precision;
+        let mut information = within(&all);
         let gradient = self.basis.tr_mul(&(&equations.gradient - &known.pull));
         let step = f64::INFINITY;
         let factor =
             Cholesky::new(information.clone()).ok_or(IdentificationError::NotConverged { step })?;
+        let mut step = factor.solve(&gradient);
+        let (set, mut is_bent) = (self.readings.set, false);
+        let (prior, scales) = (set.prior(), set.scales());
+        let right = &equations.gradient;
+        for (place, more) in prior.beside_gauss_newton(&values, scales.as_slice(), right) {
+            all[(place, place)] += more;
+            is_bent = true;
+        }
+        if is_bent {
+            information = within(&all);
+            if let Some(bent) = Cholesky::new(information.clone()) {
+                step = bent.solve(&gradient);
+            }
+        }
         Ok(FitPlace {
             values,
             square: equations.square + known.square,
-            step: factor.solve(&gradient),
+            step,
             information,
             gradient,
             kept: (equations, factor),
