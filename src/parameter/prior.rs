@@ -148,14 +148,15 @@ impl Prior {
     }
 
     /// What the curvature by a logarithm has besides Gauss-Newton's, as precisions at places in units of typical sizes: where readings, whose
-    /// right-hand side of the normal equations is `right` (p, likewise), draw a value x down to nothing, -right/x.
+    /// right-hand side of the normal equations is `right` (p, likewise), draw a value x that is below the mean to nothing, -right/x.
     pub fn beside_gauss_newton<'a>(
         &'a self,
         values: &'a DVector<f64>,
         typical: &'a [f64],
         right: &'a DVector<f64>,
     ) -> impl Iterator<Item = (usize, f64)> + 'a {
-        let drawn = self.ratios.iter().filter(|(place, _)| right[*place] < 0.0);
+        let drawn = (self.ratios.iter())
+            .filter(|(place, _)| right[*place] < 0.0 && values[*place] < self.mean[*place]);
         drawn.map(move |&(place, _)| (place, -right[place] * typical[place] / values[place]))
     }
 

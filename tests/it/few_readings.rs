@@ -499,7 +499,7 @@ fn a_mirrored_frame_is_named_beside_a_joint_s_sign() {
     );
 }
 
-/// A robot's first joint gives 17, 27 and 137 times as much as planned, where two of few readings are pulled sideways: frames alone explain neither,
+/// A robot's first joint gives 17, 27 and 67 times as much as planned, where two of few readings are pulled sideways: frames alone explain neither,
 /// and all parameters both.
 #[test]
 fn readings_that_a_soft_joint_explains_are_no_outliers() {
@@ -574,8 +574,8 @@ compliance_rad_per_nm = [2e-4, 2e-5, 3e-5, 8e-5, 9e-5, 1.2e-4]
         plan += &format!("{pose},{force},0,0,0,1,spindle\n");
     }
     place.write("p.csv", plan);
-    place.write("softer.toml", scenario.replace("[2e-4, ", "[1e-3, "));
-    for (scenario, seed, least) in [("s", 1, 2e-4), ("s", 3, 4e-4), ("softer", 3, 2e-3)] {
+    place.write("softer.toml", scenario.replace("[2e-4, ", "[5e-4, "));
+    for (scenario, seed, least) in [("s", 1, 2e-4), ("s", 3, 4e-4), ("softer", 3, 1e-3)] {
         let measured = format!("--seed {seed} --measurements-out m.csv");
         (place.run(&format!("measure {scenario}.toml --plan p.csv {measured}"))).ends_with(0);
         let json = place.json(&format!("identify {scenario}.toml --measurements m.csv"));

@@ -114,7 +114,7 @@ fn the_next_reading_is_the_best() {
 #[test]
 fn the_next_readings_visit_as_few_configurations_as_the_campaign_may() {
     let place = workplace();
-    let rows = OTHERS.map(|q| row(q, false, "spindle"));
+    let rows = OTHERS.map(|q| row(q, false, "spindle").replace(",1,", ",3,"));
     place.write("c.csv", HEADER.to_owned() + &rows.concat());
     for (most, more) in [(8, 2), (7, 1), (6, 1)] {
         let few = format!("experiments = 9\nconfigurations = {most}");

@@ -4,7 +4,7 @@ use nalgebra::{DVector, Matrix6};
 
 use super::super::discrepancy::{discrepancy_covariance, six_rows};
 use super::super::fit::{FittedReadings, Haste, LinearReadings, ParameterFit};
-use super::super::outliers::{self, LookedOver};
+use super::super::outliers::{self, FAR_FOR_POSES, LookedOver};
 use super::case::whitener;
 use super::fit::{FitByKnownErrors, KeptFit};
 use super::unknowns::is_geometry;
@@ -22,10 +22,15 @@ impl<'a> AbsoluteCase<'a> {
     /// many do, or where the others determine less than all.
     ///
     /// What no parameter explains is alike in the readings of a command pose. Whether all of them lie far out is therefore judged by the
-    /// number of poses, and a single one that contradicts the others by that of readings.
+    /// number of poses, unless they do by far, and a single one that contradicts the others by that of readings.
     pub(super) fn without_far_out(&self, first: &KeptFit<'a>) -> Option<KeptFit<'a>> {
         let found = self.without_far_out_by(first, 1.0)?;
-        let is_out = outliers::rejected_of(self.observations.len(), &found.rejected);
+        let mut is_out = vec![false; self.observations.len()];
+        let doubtful = found
+            .rejected
+            .iter()
+            .filter(|each| each.deviations < FAR_FOR_POSES);
+        doubtful.for_each(|each| is_out[each.reading] = true);
         let mut poses = self.command_poses();
         let alone = poses.len() as f64 / self.observations.len() as f64;
         poses.retain(|pose| pose.len() > 1 && pose.iter().all(|&reading| is_out[reading]));
