@@ -45,7 +45,7 @@ impl<'a> AbsoluteCase<'a> {
             !is_whole && !is_known[each.reading]
         });
         let before = rejected.len();
-        rejected.extend(single.cloned());
+        rejected.extend(single.copied());
         if rejected.len() == before {
             return by_poses;
         }
