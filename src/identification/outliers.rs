@@ -25,10 +25,10 @@ pub const IMPLAUSIBLE: f64 = 1e-4;
 
 /// Beyond so many standard deviations no correct reading lies: the probability is 5.7e-7, one in 1.7 million.
 const FAR_OUT: f64 = 5.0;
-/// What a robot errs by has longer tails than what readings do: all readings of a command pose lie out for certain beyond so many.
-pub(super) const FAR_FOR_POSES: f64 = 3.0 * FAR_OUT;
 /// That probability.
 const BY_CHANCE: f64 = 5.733_031e-7;
+/// What a robot errs by has longer tails: all readings of a command pose lie out for certain beyond so many standard deviations.
+pub(super) const FAR_FOR_POSES: f64 = 3.0 * FAR_OUT;
 /// Squares that are exceeded with this probability or more say nothing against the readings' own covariances.
 const CLEARLY_PLAUSIBLE: f64 = 0.05;
 /// A median tells as much of a variance as about so many of the residuals do by their squares.
