@@ -38,7 +38,12 @@ impl PrintedError {
         Self {
             code: (error.chain().rev().find_map(code)).unwrap_or(ErrorCode::Other),
             text: shortened(&text, LONGEST_ERROR),
-            hint: file.and_then(|error| error.hint.clone()),
+            hint: (file.and_then(|error| error.hint.clone())).or_else(|| {
+                error
+                    .downcast_ref::<StudyError>()?
+                    .hint()
+                    .map(str::to_owned)
+            }),
         }
     }
 

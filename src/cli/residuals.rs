@@ -171,7 +171,7 @@ pub fn repeats(found: Option<&Repeats>, what: &str) -> String {
     text += &table("first row | visits | RP [mm] | AP [mm]", rows);
     if repeats.poses.len() > SHOWN {
         let more = repeats.poses.len() - SHOWN;
-        text += &format!("  and {} in --json\n", counted(more as u64, "more pose"));
+        text += &format!("  and {} in --json\n", counted(more as u64, "more row"));
     }
     text
 }

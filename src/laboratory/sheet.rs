@@ -83,7 +83,10 @@ impl<'a> RunSheet<'a> {
     pub fn stop(&self, index: usize, places: &[Vec<usize>], columns: &[String]) -> SheetStop {
         let stop = &self.campaign.stops[index];
         let place = places.iter().position(|place| place.contains(&index));
-        let lines = lines(stop, columns);
+        let is_repeat =
+            |each: &&Stop| each.experiments == stop.experiments && each.load == stop.load;
+        let earlier = self.campaign.stops[..index].iter().filter(is_repeat);
+        let lines = lines(stop, earlier.map(|each| each.readings).sum(), columns);
         SheetStop {
             number: index + 1,
             place: place.unwrap_or(0) + 1,
@@ -120,14 +123,15 @@ impl<'a> RunSheet<'a> {
     }
 }
 
-/// The lines of a stop: of absolute readings each is its own, of deflections the readings of all experiments there.
-fn lines(stop: &Stop, columns: &[String]) -> Vec<SheetLine> {
+/// The lines of a stop: of absolute readings each is its own, of deflections the readings of all experiments there, of which so many were
+/// read at earlier stops.
+fn lines(stop: &Stop, earlier: u32, columns: &[String]) -> Vec<SheetLine> {
     let experiments = stop.experiments.iter().map(|index| (index + 1).to_string());
     let names: Vec<[String; 2]> = if stop.targets.is_empty() {
         let mut all = Some(joined(experiments, ", "));
         let lines = 1..=stop.readings.clamp(1, LINES);
         lines
-            .map(|line| [all.take().unwrap_or_default(), line.to_string()])
+            .map(|line| [all.take().unwrap_or_default(), (earlier + line).to_string()])
             .collect()
     } else {
         experiments

@@ -82,11 +82,16 @@ impl Prior {
         })
     }
 
+    /// The standard deviation of the logarithm of the parameter at a place, if it is known by its ratio.
+    pub fn ratio_of(&self, place: usize) -> Option<f64> {
+        let own = self.ratios.iter().find(|(own, _)| *own == place);
+        own.map(|(_, deviation)| *deviation)
+    }
+
     /// The precision of the parameter at a place where it has a value, in one over the square of its unit.
     pub fn own_at(&self, place: usize, value: f64) -> f64 {
         let all = self.precision[(place, place)];
-        let ratio = self.ratios.iter().find(|(own, _)| *own == place);
-        ratio.map_or(all, |(_, deviation)| {
+        self.ratio_of(place).map_or(all, |deviation| {
             let [of_ratio, here] = [self.mean[place], value].map(|at| (deviation * at).powi(-2));
             Self::without_ratio(all, of_ratio) + here
         })
@@ -104,11 +109,9 @@ impl Prior {
 
     /// Those of the ratios that are of some of the parameters, by their places among these.
     pub fn ratios_at(&self, indices: &[usize]) -> Vec<(usize, f64)> {
-        let own = |(own, place): (usize, &usize)| {
-            let known = self.ratios.iter().find(|(known, _)| known == place);
-            known.map(|(_, deviation)| (own, *deviation))
-        };
-        indices.iter().enumerate().filter_map(own).collect()
+        let all = indices.iter().enumerate();
+        let own = |(own, place): (usize, &usize)| Some((own, self.ratio_of(*place)?));
+        all.filter_map(own).collect()
     }
 
     /// The precision without that of ratios (p x p).

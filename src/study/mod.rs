@@ -198,6 +198,21 @@ pub enum StudyError {
     },
 }
 
+impl StudyError {
+    /// What to do about it.
+    pub const fn hint(&self) -> Option<&'static str> {
+        match self {
+            Self::Plan {
+                failure: Failure::Undetermined,
+                ..
+            } => Some(
+                "plan more experiments, or give the study another seed: random plans of few experiments may determine too little",
+            ),
+            _ => None,
+        }
+    }
+}
+
 /// The plan repeated as a whole until it has so many measurements; `None` where whole repetitions
 /// do not make them up.
 pub fn repeated(plan: &Plan, experiments: u32) -> Option<Plan> {

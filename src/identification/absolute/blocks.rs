@@ -229,7 +229,7 @@ impl<'a> Blocks<'a> {
         let of_block = problem(part.fitted_readings(set));
         let change = of_block.change(&values, &of_block.solved(values.clone(), others)?.step);
         let mut values = values + &change;
-        let found = part.fitted_readings(set).equations(&values)?.square;
+        let found = part.square_at(&set.apply(&part.arm, values.as_slice()))?;
         let change = change.component_div(&set.scales());
         let predicted = own.square - 2.0 * change.dot(&own.gradient)
             + change.dot(&(&own.information * &change));

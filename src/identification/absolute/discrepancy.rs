@@ -93,6 +93,16 @@ impl AbsoluteCase<'_> {
         }
     }
 
+    /// The sum of squares of the whitened residuals that an arm leaves.
+    pub(super) fn square_at(&self, arm: &ElasticArm) -> FitResult<f64> {
+        let nothing = ParameterSet::empty();
+        let readings = FittedReadings {
+            nominal: arm,
+            ..self.fitted_readings(&nothing)
+        };
+        Ok(readings.equations(&DVector::zeros(0))?.square)
+    }
+
     /// What is left of the readings at values (p), by what is known of them to first order.
     pub(super) fn left_by(
         &self,

@@ -1,6 +1,7 @@
 //! What parameters leave of readings, told apart by a mixed model: errors of joints, and what is new at each visit.
 
 use nalgebra::DMatrix;
+use rayon::prelude::*;
 
 use super::super::estimate::told_degrees;
 use super::super::fit::ParameterFit;
@@ -137,7 +138,7 @@ impl AbsoluteCase<'_> {
         degrees: Vec<f64>,
     ) -> Unexplained {
         let places: Vec<usize> = (0..model.shift.len()).collect();
-        let left = rows.iter().zip(&self.observations).map(|(rows, each)| {
+        let left = rows.par_iter().zip(&self.observations).map(|(rows, each)| {
             let local = model.local(rows, &places, each.setup.commanded_rad.as_slice());
             ReadingResidual::of_rows(&local.left)
         });

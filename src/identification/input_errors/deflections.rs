@@ -127,7 +127,7 @@ pub fn suspected_input_errors(
 
 /// Whether compliances are others than nominal ones may be, one of them or all together.
 fn is_implausible(case: &Case<'_>, found: &Identification) -> bool {
-    let known = &case.belief.uncertain.set().prior().ratios;
+    let known = case.belief.uncertain.set().prior();
     let (mut sum, mut count) = (0.0_f64, 0.0_f64);
     for (place, parameter) in found.parameters.iter().enumerate() {
         let nominal = case.belief.nominal.compliance_rad_per_nm[parameter.joint];
@@ -135,8 +135,7 @@ fn is_implausible(case: &Case<'_>, found: &Identification) -> bool {
             continue;
         };
         let off = (estimate.value / nominal).ln();
-        let deviation = known.iter().find(|(own, _)| *own == place);
-        let deviation = deviation.map_or(0.0, |(_, deviation)| *deviation);
+        let deviation = known.ratio_of(place).unwrap_or(0.0);
         let most = (FAR * deviation).max(IMPLAUSIBLE_RATIO);
         if !(-most..=most).contains(&off) {
             return true;

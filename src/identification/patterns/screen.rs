@@ -33,8 +33,9 @@ use crate::experiment::numbered;
 const TOLD_APART: f64 = 1e-4;
 /// Of a candidate's directions more than this share has to be left to compare groups by.
 const COMPARED: f64 = 1e-9;
-/// So many candidates are tested in one piece.
+/// So many candidates are tested in one piece, or fewer so that there are so many pieces.
 const BATCH: usize = 60;
+const PIECES: usize = 4;
 
 /// How strongly residuals go with something.
 #[derive(Debug, Clone)]
@@ -181,7 +182,8 @@ pub(super) fn screened(
     candidates: &[Against],
 ) -> Vec<Test> {
     // One product of many columns is faster than many.
-    let tests = candidates.par_chunks(BATCH).map(|candidates| {
+    let batch = candidates.len().div_ceil(PIECES).clamp(1, BATCH);
+    let tests = candidates.par_chunks(batch).map(|candidates| {
         let tested = TestedPattern::of(looked, projected, candidates).into_iter();
         let tests = tested.filter_map(|each| each.test(projected, 1.0, f64::INFINITY));
         tests.collect::<Vec<_>>()

@@ -1,6 +1,6 @@
 //! Prediction regions of a mixed model: how large the errors of readings are that were not fitted.
 
-use nalgebra::{DMatrix, stack};
+use nalgebra::stack;
 use rayon::prelude::*;
 use statrs::distribution::{Beta, ContinuousCDF};
 
@@ -46,7 +46,10 @@ impl MixedModel {
         } = solved;
         let fixed = self.units.ncols();
         let knots = solved.mean.len() - fixed;
-        let units = stack![self.units, 0; 0, DMatrix::identity(knots, knots)];
+        let among = |from: (usize, usize), size: (usize, usize)| solved.covariance.view(from, size);
+        let own = &self.units * among((0, 0), (fixed, fixed)) * self.units.transpose();
+        let crossed = &self.units * among((0, fixed), (fixed, knots));
+        let of_knots = among((fixed, fixed), (knots, knots)).into_owned();
         let joints = variances.process.iter().enumerate();
         DiscrepancyModel {
             joints: joints
@@ -62,7 +65,7 @@ impl MixedModel {
                 })
                 .collect(),
             shift: &self.units * solved.mean.rows(0, fixed),
-            covariance: &units * &solved.covariance * units.transpose(),
+            covariance: stack![own, crossed; crossed.transpose(), of_knots],
             rest: self.rest_by(variances),
             scale: [1.0; 2],
             mean_scale: [1.0; 2],

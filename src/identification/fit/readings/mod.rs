@@ -304,10 +304,9 @@ impl FitProblem for ReadingProblem<'_> {
     fn change(&self, values: &DVector<f64>, step: &DVector<f64>) -> DVector<f64> {
         let (set, prior) = (self.readings.set, self.readings.set.prior());
         let mut change = (self.basis * step).component_mul(&set.scales());
-        let is_ratio = |place: usize| prior.ratios.iter().any(|(own, _)| *own == place);
         let parameters = set.parameters().iter().zip(&change).enumerate();
         let share = parameters
-            .filter(|(place, _)| !is_ratio(*place))
+            .filter(|(place, _)| prior.ratio_of(*place).is_none())
             .map(|(_, (parameter, change))| change.abs() / parameter.longest_step())
             .fold(1.0, f64::max);
         change /= share;
@@ -316,6 +315,22 @@ impl FitProblem for ReadingProblem<'_> {
 
     fn coordinates(&self, change: &DVector<f64>) -> DVector<f64> {
         (self.basis).tr_mul(&change.component_div(&self.readings.set.scales()))
+    }
+
+    fn after(&self, now: &ReadingPlace) -> Option<ReadingPlace> {
+        let change = self.change(&now.values, &now.step);
+        let step = change.component_div(&self.readings.set.scales());
+        let (mut equations, factor) = now.kept.clone();
+        equations.square +=
+            step.dot(&(&equations.information * &step)) - 2.0 * equations.gradient.dot(&step);
+        Some(FitPlace {
+            values: &now.values + change,
+            square: now.square - now.length().powi(2),
+            information: now.information.clone(),
+            gradient: DVector::zeros(now.gradient.len()),
+            step: DVector::zeros(now.step.len()),
+            kept: (equations, factor),
+        })
     }
 
     /// Where the residuals alone count, standard errors are larger than the observations' own covariances make them.
