@@ -4,7 +4,9 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, number, numbers};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_has, number, numbers, with_numbers,
+};
 
 /// Two stations, two targets in one visit, repeats, and a load in some configurations.
 const PLAN: &str = "\
@@ -28,8 +30,7 @@ const VISITS: usize = 13;
 const RETURNS: &str = "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02\n";
 
 fn workplace(more: &str) -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("ur10") + more);
+    let place = Workplace::with("s.toml", absolute_scenario_text("ur10") + more);
     place.write("plan.csv", PLAN);
     place
 }
@@ -108,10 +109,8 @@ fn stops_are_visits() {
     let json = place.json("lab s.toml --plan plan.csv");
     let stops = stops(&json);
     assert_eq!(stops.len(), VISITS);
-    assert_eq!(
-        (&json["set_ups"], &json["load_changes"]),
-        (&2.into(), &1.into())
-    );
+    assert_eq!(json["set_ups"], 2);
+    assert_eq!(json["load_changes"], 1);
     let mut read = [0; REPEATS.len()];
     for stop in stops {
         let targets = stop["targets"].as_array().expect("targets");
@@ -158,10 +157,8 @@ fn stops_are_visits() {
     assert!((number(&json["minutes"]) - 70.0 - turning_min).abs() < 1e-9);
     // In the plan's own order the load is hung for each row that has it.
     let kept = place.json("lab s.toml --plan plan.csv --keep-order");
-    assert_eq!(
-        (&kept["set_ups"], &kept["load_changes"]),
-        (&2.into(), &4.into())
-    );
+    assert_eq!(kept["set_ups"], 2);
+    assert_eq!(kept["load_changes"], 4);
 }
 
 /// The program halts for stations and loads, and keeps the angles of each stop.
@@ -242,10 +239,7 @@ fn wrong_tables_are_noticed() {
         .replace("spindle", "other")
         .replace("reflector", "spindle");
     let exchanged = said(&exchanged.replace("other", "reflector"));
-    assert!(
-        exchanged.contains("are targets exchanged? \"spindle\" is"),
-        "{exchanged}"
-    );
+    assert_has(&exchanged, "are targets exchanged? \"spindle\" is");
     let first = right.lines().filter(|line| !line.starts_with('#')).take(2);
     let one = said(&first.collect::<Vec<_>>().join("\n"));
     assert!(
@@ -263,12 +257,9 @@ fn stations_of_few_readings_are_named() {
     place.write("few.csv", few.join("\n"));
     let evaluate = "evaluate s.toml --parameters frames --plan few.csv --quiet";
     place
-        .run(evaluate)
-        .ends_with(3)
+        .doubted(evaluate)
         .says("the frame of station \"wall\", which is read at 1 of");
-    place
-        .run("evaluate s.toml --parameters frames --plan plan.csv --quiet")
-        .ends_with(0);
+    place.done("evaluate s.toml --parameters frames --plan plan.csv --quiet");
 }
 
 /// A limit of configurations counts these, and not their targets and loads.
@@ -315,28 +306,13 @@ fn standard_deviations_in_another_unit_are_a_condition() {
     place.write("plan.csv", PLAN.replace(",1,", ",3,"));
     place.json("measure s.toml --plan plan.csv --measurements-out m.csv");
     let text = place.read("m.csv");
-    let header = text.lines().find(|line| line.starts_with("q1_deg"));
-    let names: Vec<&str> = header.expect("a header").split(',').collect();
-    let is_deviation = |place: usize| ["sx_mm", "sy_mm", "sz_mm"].contains(&names[place]);
-    let times = |factor: f64| -> String {
-        let line = |line: &str| {
-            if !line.contains(",reflector,") && !line.contains(",spindle,") {
-                return format!("{line}\n");
-            }
-            let fields =
-                line.split(',')
-                    .enumerate()
-                    .map(|(place, field)| match field.parse::<f64>() {
-                        Ok(number) if is_deviation(place) => (number * factor).to_string(),
-                        _ => field.to_owned(),
-                    });
-            fields.collect::<Vec<_>>().join(",") + "\n"
-        };
-        text.lines().map(line).collect()
-    };
-    place.write("slip.csv", times(1e3));
+    let deviations = ["sx_mm", "sy_mm", "sz_mm"];
+    place.write(
+        "slip.csv",
+        with_numbers(&text, &deviations, |sigma| sigma * 1e3),
+    );
     let identify = "identify s.toml --allow C0201 --quiet --measurements";
-    place.run(&format!("{identify} m.csv")).ends_with(0);
-    let slipped = place.run(&format!("{identify} slip.csv")).ends_with(3);
+    place.done(&format!("{identify} m.csv"));
+    let slipped = place.doubted(&format!("{identify} slip.csv"));
     slipped.says("condition C0206: residuals too small for the readings' standard deviations");
 }

@@ -2,20 +2,22 @@
 //! stations are chosen.
 
 use std::fmt::Write as _;
-use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::Candidate;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup, planned_positions};
+use elastocal::observation::{ObservationModel, ReadingKind, planned_positions};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::{PlanSize, Watch, random_plan};
+use elastocal::plan::search::{PlanSize, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DVector, Isometry3, Matrix6xX, UnitQuaternion};
 
-use crate::support::{Workplace, absolute_scenario_text, scenario, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike_in, blank_reading, list, scenario,
+    scenario_text, setup, unwatched,
+};
 
 const SPINDLE: &str = "spindle";
 
@@ -50,30 +52,19 @@ fn readings(scenario: &Scenario, rows: &[Candidate]) -> Vec<AbsoluteReading> {
     let mut ignored = Matrix6xX::zeros(0);
     rows.iter()
         .map(|row| {
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: row.configuration_rad.clone(),
-                load: Load::NONE,
-                target: usize::from(row.target.as_deref() != Some(SPINDLE)),
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(
+                row.configuration_rad.clone(),
+                Load::NONE,
+                usize::from(row.target.as_deref() != Some(SPINDLE)),
+            );
             let seen = model
                 .predict(&setup, ReadingKind::Position, &mut ignored)
                 .expect("stable");
             AbsoluteReading {
                 configuration_rad: row.configuration_rad.clone(),
-                load: Load::NONE,
                 target: row.target.clone(),
-                station: None,
-                visit: None,
                 position_m: seen.position_m,
-                rotation: None,
-                covariance: None,
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect()
@@ -129,14 +120,11 @@ fn the_fit_knows_what_was_predicted() {
             .iter()
             .position(|target| target == SPINDLE)
             .expect("it was read");
-        let setup = Setup {
-            hangs_on: None,
-            commanded_rad: task.test_poses[0].configuration_rad.clone(),
-            load: task.test_poses[0].load,
+        let setup = setup(
+            task.test_poses[0].configuration_rad.clone(),
+            task.test_poses[0].load,
             target,
-            station: 0,
-            approach: None,
-        };
+        );
         let wanted = [(&setup, ReadingKind::Position)];
         let mut place = planned_positions(&fit.set, &fit.reference, &fit.values(), &wanted);
         for (mut column, scale) in place.column_iter_mut().zip(&fit.set.scales()) {
@@ -147,10 +135,7 @@ fn the_fit_knows_what_was_predicted() {
             .variance_of(&place)
             .expect("determined")
             .sqrt();
-        assert!(
-            (known_m / predicted_m - 1.0).abs() < 0.01,
-            "{groups:?}: {known_m} and {predicted_m}"
-        );
+        assert_alike_in(&groups, known_m, predicted_m, 0.01);
     }
 }
 
@@ -161,11 +146,7 @@ fn the_best_choice_is_found() {
     let rows = rows(&scenario, 11);
     let planning =
         AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Zeros], &rows).expect("candidates");
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let found = planning
         .design_from(&[], PlanSize::all_different(8), 1, watch)
         .expect("a plan");
@@ -198,11 +179,7 @@ fn what_targets_do_not_show_is_named() {
     }
     let planning = AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Geometry], &rows)
         .expect("candidates");
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     match planning.design_from(&[], PlanSize::all_different(30), 1, watch) {
         Err(error) if error.is_of_all => {
             let words = error.to_string();
@@ -268,11 +245,7 @@ fn what_hardly_moves_the_tool_may_stay_hidden() {
         .collect();
     let planning = AbsolutePlanning::new(&scenario.task, &[ParameterGroup::Geometry], &rows)
         .expect("candidates");
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let design = planning
         .design_from(&[], PlanSize::all_different(28), 1, watch)
         .expect("a plan");
@@ -312,8 +285,7 @@ fn table(rows: &[Candidate], station: &str) -> String {
 /// The budget's points are the plans of as many readings, with their bounds; its minutes are the laboratory's.
 #[test]
 fn budgets_are_of_the_plans() {
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("ur10"));
+    let place = Workplace::with("s.toml", absolute_scenario_text("ur10"));
     place.write("c.csv", table(&rows(&scenario("ur10"), 30), "door"));
     let budget = |accuracy_um: f64, options: &str| {
         place.json(&format!(
@@ -321,7 +293,7 @@ fn budgets_are_of_the_plans() {
         ))
     };
     let json = budget(1000.0, "");
-    let points = json["budget"].as_array().expect("points");
+    let points = list(&json["budget"]);
     let number = |json: &serde_json::Value, key: &str| json[key].as_f64().expect("a number");
     assert_eq!(json["needed"], points[0]);
     assert!(points.len() > 3, "{points:?}");
@@ -348,7 +320,7 @@ fn budgets_are_of_the_plans() {
     // Sampled configurations are no proof.
     let sampled =
         place.json("budget s.toml --draw 6 --parameters frames --up-to 6 --accuracy-um 1000");
-    for point in sampled["budget"].as_array().expect("points") {
+    for point in list(&sampled["budget"]) {
         assert_eq!(point["bound_kind"], "evidence");
         assert!(point["proved_lower_bound_rho0_mm"].is_null());
     }
@@ -375,12 +347,10 @@ fn commands_plan_absolute_readings() {
     assert_eq!(one["plan"], two["plan"]);
     assert_eq!(one["accuracy"], "absolute");
     assert_eq!(one["bound_kind"], "proved");
-    assert_eq!(one["test_poses"].as_array().expect("poses").len(), 3);
+    assert_eq!(list(&one["test_poses"]).len(), 3);
     // One station is enough: a second has a frame of its own to be found.
     let frame = &one["frame"];
-    let stations: Vec<&serde_json::Value> = one["plan"]
-        .as_array()
-        .expect("readings")
+    let stations: Vec<&serde_json::Value> = list(&one["plan"])
         .iter()
         .map(|each| &each["station"])
         .collect();
@@ -425,11 +395,8 @@ fn commands_plan_absolute_readings() {
     }
     let words = prior["not_counted"][0].as_str().expect("a sentence");
     assert!(words.starts_with("tool_position, of frames"), "{words}");
-    let text = place.run(plan).ends_with(0).stdout;
-    assert!(
-        text.contains("An absolute accuracy: where the loaded tool is"),
-        "{text}"
-    );
+    let text = place.done(plan);
+    text.prints("An absolute accuracy: where the loaded tool is");
     for (arguments, wanted) in [
         (
             "plan s.toml --experiments 12 --candidates c.csv --criterion d",
@@ -448,36 +415,22 @@ fn commands_plan_absolute_readings() {
             "which test poses do not have",
         ),
     ] {
-        let outcome = place.run(&format!("{arguments} --quiet")).ends_with(1);
-        assert!(
-            outcome.stderr.contains(wanted),
-            "{wanted}: {}",
-            outcome.stderr
-        );
+        let outcome = place.refused(&format!("{arguments} --quiet"));
+        outcome.says(wanted);
     }
 }
 
 /// What is for plans of absolute readings is refused elsewhere.
 #[test]
 fn other_accuracies_are_refused() {
-    let place = Workplace::new();
-    place.write("relative.toml", scenario_text("ur10"));
-    let outcome = place
-        .run("plan relative.toml --parameters zeros --quiet")
-        .ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("is \"relative\", and --parameters is for plans of absolute readings"),
-        "{}",
-        outcome.stderr
-    );
+    let place = Workplace::with("relative.toml", scenario_text("ur10"));
+    let outcome = place.refused("plan relative.toml --parameters zeros --quiet");
+    outcome.says("is \"relative\", and --parameters is for plans of absolute readings");
     place.write(
         "wrong.toml",
         scenario_text("ur10").replace("[design]", "[design]\naccuracy = \"exact\""),
     );
-    let outcome = place.run("check wrong.toml").ends_with(1);
-    assert!(outcome.stderr.contains("accuracy"), "{}", outcome.stderr);
+    place.refused("check wrong.toml").says("accuracy");
 }
 
 /// Rows that are alike are visits of their own, as repeats are: the k-th reading of each target belongs to visit k.
@@ -486,8 +439,7 @@ fn rows_that_are_alike_are_repeats() {
     let scenario = scenario("ur10");
     let known = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\n\n\
                  [[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n";
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("ur10") + known);
+    let place = Workplace::with("s.toml", absolute_scenario_text("ur10") + known);
     let once = table(&rows(&scenario, 8), "east");
     let (head, lines) = once.split_once('\n').expect("a header");
     place.write("alike.csv", format!("{head}\n{lines}{lines}{lines}"));

@@ -20,7 +20,9 @@ use rand::Rng;
 use rayon::prelude::*;
 
 use crate::one_fit::{anywhere, normal};
-use crate::support::{Workplace, scenario, scenario_text};
+use crate::support::{
+    Workplace, assert_alike, assert_alike_in, blank_reading, scenario, scenario_text, setup,
+};
 
 const SPINDLE: &str = "spindle";
 const REFLECTOR: &str = "reflector";
@@ -53,14 +55,8 @@ fn reading(row: &Candidate, position_m: Vector3<f64>) -> AbsoluteReading {
         load: row.load.unwrap_or(Load::NONE),
         target: row.target.clone(),
         station: row.station.clone(),
-        visit: None,
         position_m,
-        rotation: None,
-        covariance: None,
-        approach: None,
-        length: None,
-        time_s: None,
-        temperature_c: None,
+        ..blank_reading()
     }
 }
 
@@ -125,14 +121,11 @@ fn left_by_one(
     let fit = read.fit(groups, ReadingWeights::Own).expect("a fit");
     (task.test_poses.iter())
         .map(|pose| {
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: pose.configuration_rad.clone(),
-                load: pose.load,
-                target: target_of(&read, SPINDLE),
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(
+                pose.configuration_rad.clone(),
+                pose.load,
+                target_of(&read, SPINDLE),
+            );
             let off = place(&fit.arm, &setup) - place(&truth, &setup);
             pose.weight * pose.counted(&off).norm_squared()
         })
@@ -158,10 +151,7 @@ fn is_kept(scenario: &Scenario, groups: &[ParameterGroup], plan: &[Candidate], a
     // |e|^2 of a normal e has the variance 2 trace(S^2) <= 2 trace(S)^2: four standard errors of the mean of all robots, and
     // 2 % for what linear propagation leaves out.
     let bound = 4.0 * (2.0 / ROBOTS as f64).sqrt() + 0.02;
-    assert!(
-        (seen / predicted - 1.0).abs() < bound,
-        "{about}: {seen:e} seen of {predicted:e}, within {bound}"
-    );
+    assert_alike_in(&about, seen, predicted, bound);
     // Not far off by chance of a wide bound: half or twice the noise's variance would be.
     assert!(bound < 0.5);
 }
@@ -179,27 +169,26 @@ fn robots_keep_what_was_predicted() {
     let place = Workplace::new();
     // Forces in any direction: gravity alone does not bend the first joint.
     place.write("f.toml", any_force());
-    let free = Scenario::load(&place.path("f.toml")).expect("valid");
+    let free = place.scenario("f.toml");
     let groups = [ParameterGroup::Zeros, ParameterGroup::Compliances];
     is_kept(&free, &groups, &rows(&free, 24, None), "nothing known");
     let known = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\n\n[[uncertainty]]\nkind = \"link_position\"\nstd_mm = 0.2\n\n\
         [[uncertainty]]\nkind = \"compliance\"\nstd_relative = 0.2\n\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.05\n\n\
         [[test_pose]]\nname = \"other\"\nq_deg = [-30, -80, 100, -60, 60, -90]\nforce_n = [0, 0, -80]\nweight = 2\n";
     place.write("k.toml", scenario_text("ur10") + known);
-    let known = Scenario::load(&place.path("k.toml")).expect("valid");
+    let known = place.scenario("k.toml");
     is_kept(&known, &[], &rows(&known, 12, Some("door")), "known before");
 }
 
 /// Nothing that the task's force does is learnt from readings, and it does not hide what they teach.
 #[test]
 fn what_the_tasks_force_does_is_added() {
-    let place = Workplace::new();
-    place.write("f.toml", any_force());
-    let bare = Scenario::load(&place.path("f.toml")).expect("valid");
+    let place = Workplace::with("f.toml", any_force());
+    let bare = place.scenario("f.toml");
     let text =
         any_force() + "\n[[uncertainty]]\nkind = \"task_force\"\nstd_n = 5\nstd_relative = 0.1\n";
     place.write("t.toml", text);
-    let uncertain = Scenario::load(&place.path("t.toml")).expect("valid");
+    let uncertain = place.scenario("t.toml");
     let rows = rows(&bare, 20, None);
     let all: Vec<(usize, u32)> = (0..rows.len()).map(|place| (place, 1)).collect();
     let groups = [ParameterGroup::Zeros, ParameterGroup::Compliances];
@@ -217,14 +206,7 @@ fn what_the_tasks_force_does_is_added() {
     let arm = task.belief.arm();
     let pose = &task.test_poses[0];
     let at = |load: Load| {
-        let setup = Setup {
-            hangs_on: None,
-            commanded_rad: pose.configuration_rad.clone(),
-            load,
-            target: arm.tools.len() - 1,
-            station: 0,
-            approach: None,
-        };
+        let setup = setup(pose.configuration_rad.clone(), load, arm.tools.len() - 1);
         crate::absolute_predictions::place(&arm, &setup)
     };
     let mut random = generator(3, 0);
@@ -244,10 +226,7 @@ fn what_the_tasks_force_does_is_added() {
         "{off}"
     );
     let expected = without.0.hypot(with.1);
-    assert!(
-        (with.0 / expected - 1.0).abs() < 1e-9,
-        "{with:?} {expected}"
-    );
+    assert_alike(with.0, expected, 1e-9);
 }
 
 /// The sample covariance of readings that are disturbed.
@@ -330,14 +309,7 @@ fn readings_are_disturbed_as_much_as_planned() {
     // The load acts at the calibration tool: where the spindle is, it has another torque.
     let mut seen = |moved: &DVector<f64>, load: &Load| {
         let mut at = |target: usize, load: Load| {
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: moved.clone(),
-                load,
-                target,
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(moved.clone(), load, target);
             let kind = ReadingKind::Pose;
             (model.predict(&setup, kind, &mut ignored)).expect("stable")
         };
@@ -418,7 +390,7 @@ fn repeats_do_not_average_what_they_share() {
     };
     let rho0 = |kind: &str, repeats: u32| {
         place.write("r.toml", text(kind));
-        let scenario = Scenario::load(&place.path("r.toml")).expect("valid");
+        let scenario = place.scenario("r.toml");
         let rows = rows(&scenario, 20, None);
         let groups = [ParameterGroup::Zeros];
         let planning = AbsolutePlanning::new(&scenario.task, &groups, &rows).expect("candidates");

@@ -4,7 +4,9 @@ use std::collections::BTreeMap;
 
 use serde_json::Value;
 
-use crate::support::{UR10_JOINTS, Workplace, absolute_scenario_text, number};
+use crate::support::{
+    UR10_JOINTS, Workplace, absolute_scenario_text, assert_alike_in, list, number,
+};
 
 /// The robot differs in geometry and compliances, of which the planner's model knows nothing before.
 const HIDDEN: &str = r#"
@@ -130,8 +132,7 @@ fn plan(poses: &[[f64; 6]], read: Option<[&str; 2]>) -> String {
 
 /// A folder with the readings and plans of two campaigns of one virtual robot: the reflector from the door, then the spindle from the wall.
 fn measured(run: u64) -> Workplace {
-    let place = Workplace::new();
-    place.write("first.toml", scenario(None));
+    let place = Workplace::with("first.toml", scenario(None));
     let (first, second) = POSES.split_at(20);
     let of = |poses, at| plan(poses, Some(at));
     place.write("p0.csv", of(first, ["reflector", "door"]));
@@ -140,7 +141,7 @@ fn measured(run: u64) -> Workplace {
         let arguments = format!(
             "measure first.toml --plan p{campaign}.csv --run {run} --campaign {campaign} --measurements-out m{campaign}.csv"
         );
-        place.run(&arguments).ends_with(0);
+        place.done(&arguments);
     }
     place
 }
@@ -168,7 +169,7 @@ fn both(place: &Workplace, files: [&str; 2]) -> String {
 
 /// Values and standard errors of the robot's own unknowns, by name.
 fn of_robot(json: &Value) -> BTreeMap<String, (f64, f64)> {
-    let all = json["unknowns"].as_array().expect("unknowns").iter();
+    let all = list(&json["unknowns"]).iter();
     let named = all.filter_map(|each| {
         let name = each["name"].as_str().expect("a name").to_owned();
         let error = each["standard_error"].as_f64()?;
@@ -198,7 +199,7 @@ fn two_campaigns_are_one_fit() {
         let second = identified("second.toml --measurements m1.csv");
         let together = identified("first.toml --measurements both.csv");
         let names = |json: &Value| -> Vec<String> {
-            let all = json["left_out"].as_array().expect("a list").iter();
+            let all = list(&json["left_out"]).iter();
             all.map(|each| each["name"].to_string()).collect()
         };
         assert!(names(&second).len() > 20, "{second}");
@@ -211,10 +212,7 @@ fn two_campaigns_are_one_fit() {
         for (name, (value, error)) in &one {
             let (expected, known) = other[name];
             // To first order.
-            assert!(
-                (error / known - 1.0).abs() < 0.02,
-                "{name}: {error} {known}"
-            );
+            assert_alike_in(&name, *error, known, 0.02);
             let off = (value - expected) / known;
             assert!(off.abs() < 0.01, "{name}: {off} standard errors");
         }
@@ -236,7 +234,7 @@ fn deflections_come_between() {
         place.json("identify deflections.toml --measurements d.csv --identified-out second.json");
     let third = place.json("identify third.toml --measurements m1.csv");
     let found = |name: &str| {
-        let all = second["uncertain"].as_array().expect("a list").iter();
+        let all = list(&second["uncertain"]).iter();
         let mut own = all.filter(|each| each["name"] == name);
         number(&own.next().expect("is there")["std"])
     };
@@ -246,7 +244,7 @@ fn deflections_come_between() {
         let between = match name.split_once(".compliance") {
             None => found(name),
             Some((joint, _)) => {
-                let names = second["parameters"].as_array().expect("names").iter();
+                let names = list(&second["parameters"]).iter();
                 let place = names.enumerate().find(|each| each.1 == joint);
                 number(&second["compliance_std_rad_per_nm"][place.expect("is there").0])
             }
@@ -261,7 +259,7 @@ fn deflections_come_between() {
     let text = place.run("evaluate deflections.toml --plan p.csv --no-proof");
     let remark =
         "earlier identification includes the robot's other unknowns: one value in both campaigns";
-    assert!(text.stdout.contains(remark), "{text:?}");
+    text.prints(remark);
 }
 
 /// Robots that are sampled from what is known err by as much as is predicted.
@@ -294,7 +292,7 @@ fn a_file_that_cannot_be_a_prior_is_refused() {
     let place = measured(0);
     place.json("identify first.toml --measurements m0.csv --identified-out first.json");
     place.write("second.toml", scenario(Some("first.json")));
-    place.run("check second.toml").ends_with(0);
+    place.done("check second.toml");
     let good = place.read("first.json");
     let shift = "\"shift\": [";
     for (from, to, expected) in [
@@ -311,11 +309,9 @@ fn a_file_that_cannot_be_a_prior_is_refused() {
     ] {
         assert!(good.contains(from), "{from}");
         place.write("first.json", good.replacen(from, to, 1));
-        let outcome = place.run("check second.toml").ends_with(1);
+        let outcome = place.refused("check second.toml");
         let begins = "second.toml: robot.prior: first.json: ";
-        assert!(
-            outcome.stderr.contains(begins) && outcome.stderr.contains(expected),
-            "{expected}: {outcome:?}"
-        );
+        outcome.says(begins);
+        outcome.says(expected);
     }
 }

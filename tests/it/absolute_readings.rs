@@ -7,7 +7,7 @@ use elastocal::robot::{Approach, Load};
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3, Vector6};
 use rand::RngExt;
 
-use crate::support::Workplace;
+use crate::support::{Workplace, assert_has};
 
 /// A reading of an arm of six joints with everything that may be known of it.
 pub fn reading(random: &mut impl rand::Rng, row: usize, is_pose: bool) -> AbsoluteReading {
@@ -75,10 +75,7 @@ fn what_is_read_is_what_was_written() {
         let error = read_measurements(&path, 6)
             .expect_err("no deflections")
             .to_string();
-        assert!(
-            error.contains("holds absolute readings (x_mm,y_mm,z_mm)"),
-            "{error}"
-        );
+        assert_has(&error, "holds absolute readings (x_mm,y_mm,z_mm)");
     }
 }
 
@@ -100,24 +97,12 @@ fn a_position_at_joint_angles_is_enough() {
     assert_eq!((&found[0].covariance, &found[0].visit), (&None, &None));
 }
 
-/// What stands behind the joint angles, header and row, and what is said of it.
+/// What stands behind the joint angles, header and row, and what is said of it; what begins with a comma stands behind a position.
 const WRONG: &[(&str, &str, &str)] = &[
     ("x_mm,y_mm", "1,2", "line 1: the column \"z_mm\" is missing"),
-    (
-        "x_mm,y_mm,z_mm,dx_mm",
-        "1,2,3,4",
-        "unknown column \"dx_mm\"",
-    ),
-    (
-        "x_mm,y_mm,z_mm,fx_n",
-        "1,2,3,4",
-        "these columns come together",
-    ),
-    (
-        "x_mm,y_mm,z_mm,qw,qx",
-        "1,2,3,1,0",
-        "these columns come together",
-    ),
+    (",dx_mm", ",4", "unknown column \"dx_mm\""),
+    (",fx_n", ",4", "these columns come together"),
+    (",qw,qx", ",1,0", "these columns come together"),
     (
         "x_mm,y_mm,z_mm",
         "1,nan,3",
@@ -125,90 +110,66 @@ const WRONG: &[(&str, &str, &str)] = &[
     ),
     ("x_mm,y_mm,z_mm", "1,2e7,3", "line 2: y_mm: found 2e7"),
     (
-        "x_mm,y_mm,z_mm,qw,qx,qy,qz",
-        "1,2,3,1,0.1,0,0",
+        ",qw,qx,qy,qz",
+        ",1,0.1,0,0",
         "qw,qx,qy,qz: found a quaternion of length 1.004988; 1 is allowed",
     ),
     (
-        "x_mm,y_mm,z_mm,qw,qx,qy,qz",
-        "1,2,3,0,0,0,0",
+        ",qw,qx,qy,qz",
+        ",0,0,0,0",
         "found a quaternion of length 0;",
     ),
+    (",sx_mm,sy_mm", ",1,1", "these columns come together"),
     (
-        "x_mm,y_mm,z_mm,sx_mm,sy_mm",
-        "1,2,3,1,1",
-        "these columns come together",
-    ),
-    (
-        "x_mm,y_mm,z_mm,sx_mm,sy_mm,sz_mm",
-        "1,2,3,1,0,1",
+        ",sx_mm,sy_mm,sz_mm",
+        ",1,0,1",
         "sx_mm,sy_mm,sz_mm: found 1, 0, 1; a positive number",
     ),
     (
-        "x_mm,y_mm,z_mm,srx_mrad,sry_mrad,srz_mrad",
-        "1,2,3,1,1,1",
+        ",srx_mrad,sry_mrad,srz_mrad",
+        ",1,1,1",
         "found \"srx_mrad\" without \"qw\"",
     ),
     (
-        "x_mm,y_mm,z_mm,qw,qx,qy,qz,sx_mm,sy_mm,sz_mm",
-        "1,2,3,1,0,0,0,1,1,1",
+        ",qw,qx,qy,qz,sx_mm,sy_mm,sz_mm",
+        ",1,0,0,0,1,1,1",
         "these columns come together",
     ),
     (
-        "x_mm,y_mm,z_mm,UPPER",
-        "1,2,3,1,0,0,-1,0,1",
+        ",UPPER",
+        ",1,0,0,-1,0,1",
         "cyy_mm2: found -1; a variance is allowed",
     ),
     (
-        "x_mm,y_mm,z_mm,UPPER",
-        "1,2,3,1,2,0,1,0,1",
+        ",UPPER",
+        ",1,2,0,1,0,1",
         "the covariance is not positive definite",
     ),
     (
-        "x_mm,y_mm,z_mm,UPPER,sx_mm,sy_mm,sz_mm",
-        "1,2,3,1,0,0,1,0,1,1,1,1",
+        ",UPPER,sx_mm,sy_mm,sz_mm",
+        ",1,0,0,1,0,1,1,1,1",
         "standard deviations or a covariance are allowed",
     ),
     (
-        "x_mm,y_mm,z_mm,UPPER,crxrx_mrad2",
-        "1,2,3,1,0,0,1,0,1,1",
+        ",UPPER,crxrx_mrad2",
+        ",1,0,0,1,0,1,1",
         "found \"crxrx_mrad2\" without \"qw\"",
     ),
+    (",cxx_mm2", ",1", "these columns come together"),
     (
-        "x_mm,y_mm,z_mm,cxx_mm2",
-        "1,2,3,1",
-        "these columns come together",
-    ),
-    (
-        "x_mm,y_mm,z_mm,target",
-        "1,2,3,",
+        ",target",
+        ",",
         "target: found \"\"; a name of one line is allowed",
     ),
     (
-        "x_mm,y_mm,z_mm,approach",
-        "1,2,3,+-",
+        ",approach",
+        ",+-",
         "approach: found \"+-\"; + or - for all joints is allowed, or 3 signs",
     ),
-    (
-        "x_mm,y_mm,z_mm,approach",
-        "1,2,3,up",
-        "approach: found \"up\"",
-    ),
-    (
-        "x_mm,y_mm,z_mm,temperature_c",
-        "1,2,3,294000",
-        "temperature_c: found 294000",
-    ),
-    (
-        "x_mm,y_mm,z_mm,time_s",
-        "1,2,3,noon",
-        "time_s: found \"noon\"",
-    ),
-    (
-        "x_mm,y_mm,z_mm,colour",
-        "1,2,3,4",
-        "unknown column \"colour\"",
-    ),
+    (",approach", ",up", "approach: found \"up\""),
+    (",temperature_c", ",294000", "temperature_c: found 294000"),
+    (",time_s", ",noon", "time_s: found \"noon\""),
+    (",colour", ",4", "unknown column \"colour\""),
 ];
 
 #[test]
@@ -217,12 +178,14 @@ fn wrong_entries_are_told_in_words() {
     let q = "q1_deg,q2_deg,q3_deg,";
     let upper = "cxx_mm2,cxy_mm2,cxz_mm2,cyy_mm2,cyz_mm2,czz_mm2";
     for (header, row, expected) in WRONG {
-        let header = &header.replace("UPPER", upper);
-        let path = written(
-            &workplace,
-            "wrong.csv",
-            format!("{q}{header}\n0,0,0,{row}\n"),
-        );
+        let position = if header.starts_with(',') {
+            ["x_mm,y_mm,z_mm", "1,2,3"]
+        } else {
+            ["", ""]
+        };
+        let header = &(position[0].to_owned() + &header.replace("UPPER", upper));
+        let table = format!("{q}{header}\n0,0,0,{}{row}\n", position[1]);
+        let path = written(&workplace, "wrong.csv", table);
         let error = read_measured(&path, 3).expect_err(header).to_string();
         assert!(error.contains(expected), "{header}: {error}");
     }

@@ -6,7 +6,10 @@ use serde_json::Value;
 
 use crate::browser::looks_well;
 use crate::recordings::{read_mcap, rerun, rows};
-use crate::support::{Workplace, absolute_scenario_text, number, numbers, project, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike_in, assert_near_in, list, number, numbers,
+    project, scenario_text,
+};
 
 /// What nobody knows exactly, with priors of all that is unknown; each visit of the robot is of one reading.
 const KNOWN: &str = r#"
@@ -51,8 +54,7 @@ fn absolute(more: &str) -> String {
 
 /// A workplace with a scenario of which a run was made, and what the run printed.
 fn run_of(text: &str, options: &str) -> (Workplace, Value) {
-    let place = Workplace::new();
-    place.write("s.toml", text);
+    let place = Workplace::with("s.toml", text);
     let json = place.json(&format!("run s.toml {options}"));
     (place, json)
 }
@@ -79,7 +81,7 @@ fn assert_same_table(place: &Workplace, [one, other]: [&str; 2]) {
 
 /// What was identified, by name: the value, its standard error where it is determined.
 fn unknowns(json: &Value) -> BTreeMap<String, (f64, Option<f64>)> {
-    let all = json["unknowns"].as_array().expect("unknowns").iter();
+    let all = list(&json["unknowns"]).iter();
     let one = |each: &Value| {
         let name = each["name"].as_str().expect("a name").to_owned();
         let value = number(&each["value"]);
@@ -106,7 +108,7 @@ fn a_run_is_what_its_commands_are() {
     let mut listing = place.listing();
     listing.retain(|file| file.starts_with("out/s/"));
     assert_eq!(listing, FILES.map(|file| format!("out/s/{file}")));
-    let stored: Value = serde_json::from_str(&place.read("out/s/results.json")).expect("JSON");
+    let stored = place.parsed("out/s/results.json");
     assert_eq!(stored, run);
 
     let planned = place.json("plan s.toml --draw 6 --plan-out plan.csv");
@@ -126,9 +128,7 @@ fn a_run_is_what_its_commands_are() {
     ] {
         assert_eq!(run[key], planned[key], "{key}");
     }
-    for (own, planned) in (run["test_poses"].as_array().expect("poses").iter())
-        .zip(planned["test_poses"].as_array().expect("poses"))
-    {
+    for (own, planned) in (list(&run["test_poses"]).iter()).zip(list(&planned["test_poses"])) {
         let [own, planned] = [own, planned].map(|pose| number(&pose["rho0_mm"]));
         assert!((own / planned - 1.0).abs() < 1e-6, "{own} {planned}");
     }
@@ -140,8 +140,8 @@ fn a_run_is_what_its_commands_are() {
     let identified = place.json("identify s.toml --measurements out/s/measurements.csv");
     assert_same_unknowns(&run, &identified);
     let compensated = place.json("compensate s.toml --identified out/s/results.json");
-    let poses = compensated["test_poses"].as_array().expect("poses");
-    for (own, other) in (run["test_poses"].as_array().expect("poses").iter()).zip(poses) {
+    let poses = list(&compensated["test_poses"]);
+    for (own, other) in (list(&run["test_poses"]).iter()).zip(poses) {
         let [own, other] = [own, other].map(|pose| numbers(&pose["q_commanded_deg"]));
         for (own, other) in own.iter().zip(other) {
             assert!((own - other).abs() < 1e-9, "{own} {other}");
@@ -171,7 +171,7 @@ fn recordings_show_what_the_robot_did() {
         let messages = read_mcap(&bytes);
         let on = |topic: &'static str| messages.iter().filter(move |each| each.topic == topic);
         let read: Vec<_> = on("/measurements").collect();
-        let measurements = record["measurements"].as_array().expect("a list");
+        let measurements = list(&record["measurements"]);
         assert_eq!(read.len(), measurements.len(), "{file}");
         let residuals = &record["identification"]["residuals_mm"];
         let mut seen: Vec<String> = Vec::new();
@@ -193,7 +193,7 @@ fn recordings_show_what_the_robot_did() {
             );
         }
         let steps: Vec<_> = on("/steps").collect();
-        let poses = record["test_poses"].as_array().expect("poses");
+        let poses = list(&record["test_poses"]);
         let (rows, at_work) = steps.split_at(steps.len() - 2 * poses.len());
         for (step, station) in rows.iter().zip(&seen) {
             let title = step.json["title"].as_str().expect("a title");
@@ -223,10 +223,10 @@ fn a_run_is_the_first_of_a_study() {
     for key in ["run", "compliance_rad_per_nm", "sampled"] {
         assert_eq!(run["truth"][key], own["truth"][key], "{key}");
     }
-    let poses = own["test_poses"].as_array().expect("poses");
+    let poses = list(&own["test_poses"]);
     assert_eq!(poses.len(), 2);
     let (mut before, mut after) = (0.0, 0.0);
-    for (mine, other) in (run["test_poses"].as_array().expect("poses").iter()).zip(poses) {
+    for (mine, other) in (list(&run["test_poses"]).iter()).zip(poses) {
         let [one, another] = [mine, other].map(|pose| numbers(&pose["residual_xyz_mm"]));
         for (one, another) in one.iter().zip(another) {
             assert!((one - another).abs() < 1e-6, "{one} {another}");
@@ -260,7 +260,7 @@ fn the_truth_is_that_of_the_run() {
             assert!(page.contains(command), "{command}");
         }
         let identified = unknowns(&run);
-        let truth = run["truth"]["unknowns"].as_array().expect("a list");
+        let truth = list(&run["truth"]["unknowns"]);
         let mut judged = 0;
         for each in truth {
             let name = each["name"].as_str().expect("a name");
@@ -269,15 +269,12 @@ fn the_truth_is_that_of_the_run() {
                 continue;
             };
             judged += 1;
-            assert!(
-                (value - truth).abs() < 5.0 * error,
-                "{name}: {value} {truth} {error}"
-            );
-            let sampled = run["truth"]["sampled"].as_array().expect("a list").iter();
+            assert_near_in(&name, value, truth, 5.0 * error);
+            let sampled = list(&run["truth"]["sampled"]).iter();
             let sampled = sampled.filter(|sampled| sampled["name"] == name);
             let sampled: f64 = sampled.map(|sampled| number(&sampled["value"])).sum();
             assert!(sampled != 0.0, "{name}");
-            let unknown = run["unknowns"].as_array().expect("a list").iter();
+            let unknown = list(&run["unknowns"]).iter();
             let nominal = unknown.filter(|each| each["name"] == name);
             let nominal: f64 = nominal.map(|each| number(&each["nominal"])).sum();
             let wanted = if name.ends_with(".compliance") {
@@ -285,10 +282,7 @@ fn the_truth_is_that_of_the_run() {
             } else {
                 nominal + sampled
             };
-            assert!(
-                (truth / wanted - 1.0).abs() < 1e-9,
-                "{name}: {truth} {wanted}"
-            );
+            assert_alike_in(&name, truth, wanted, 1e-9);
         }
         assert_eq!(judged, expected);
         let page = place.read("out/s/report.html");
@@ -311,8 +305,7 @@ fn the_truth_is_that_of_the_run() {
 /// Distances, among candidates of a file, of which all are read: there is nothing to choose.
 #[test]
 fn a_ballbar_is_run() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("ur10_ballbar"));
+    let place = Workplace::with("s.toml", scenario_text("ur10_ballbar"));
     let plan = project("scenarios/plans/ur10_ballbar.csv");
     place.write("c.csv", std::fs::read(plan).expect("read"));
     let run = place.json("run s.toml --candidates c.csv");
@@ -334,9 +327,9 @@ fn what_is_wrong_is_said_once() {
     let place = Workplace::new();
     let all = absolute_scenario_text("ur10").replace("experiments = 4", "experiments = 12");
     place.write("all.toml", &all);
-    let outcome = place.run("run all.toml --draw 12 --quiet").ends_with(3);
+    let outcome = place.doubted("run all.toml --draw 12 --quiet");
     let outcome = outcome.says("condition C0101").says("condition C0201");
-    assert!(outcome.stdout.contains("not determined"), "{outcome:?}");
+    outcome.prints("not determined");
     place.write(
         "few.toml",
         all.replace("experiments = 12", "experiments = 2"),
@@ -356,7 +349,7 @@ fn what_is_wrong_is_said_once() {
             "--draw is for plans of absolute readings",
         ),
     ] {
-        let outcome = place.run(&format!("{arguments} --quiet")).ends_with(1);
+        let outcome = place.refused(&format!("{arguments} --quiet"));
         let errors = outcome.stderr.matches("error E").count();
         assert_eq!(errors, 1, "{}", outcome.stderr);
         outcome.says(wanted);

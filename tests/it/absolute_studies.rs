@@ -7,7 +7,10 @@ use serde_json::{Value, json};
 
 use crate::browser::looks_well;
 use crate::recordings::read_mcap;
-use crate::support::{Workplace, absolute_scenario_text, number, numbers, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike, assert_has, list, number, numbers,
+    scenario_text,
+};
 use crate::uncertainties::expected_mm;
 
 const KNOWN: &str = r#"
@@ -42,8 +45,7 @@ fn absolute(more: &str) -> String {
 
 /// A folder with a plan from two stations that was designed from few drawn configurations, and a path.
 fn planned() -> (Workplace, Value) {
-    let place = Workplace::new();
-    place.write("s.toml", absolute(KNOWN));
+    let place = Workplace::with("s.toml", absolute(KNOWN));
     let poses = (0..13).map(|each| format!("{},{},80,-110,-70,30\n", 20 + each, -60 - each));
     let path =
         "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n".to_owned() + &poses.collect::<String>();
@@ -80,7 +82,7 @@ fn a_prediction_is_split_and_shown() {
     assert!((task - 1.0).abs() < 1e-9, "{task}");
 
     // The line of sight goes to where the plan has the instrument stand.
-    let rows = planned["plan"].as_array().expect("readings");
+    let rows = list(&planned["plan"]);
     let svg = place.read("p.svg");
     assert_eq!(svg.matches("class=\"station\"").count(), rows.len());
     for row in rows {
@@ -113,8 +115,7 @@ fn a_prediction_is_split_and_shown() {
 /// What `evaluate --trials` sees is what a study of the same readings sees, which shards and interruptions leave as it is.
 #[test]
 fn a_study_is_of_the_same_robots() {
-    let place = Workplace::new();
-    place.write("k.toml", absolute(KNOWN));
+    let place = Workplace::with("k.toml", absolute(KNOWN));
     place.run("plan k.toml --draw 20 --plan-out p.csv --quiet");
     let study = "\n[study]\nexperiments = 14\ntrials = 40\n[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n\
         [[study.plan]]\nkind = \"random\"\nname = \"any\"\n";
@@ -126,9 +127,7 @@ fn a_study_is_of_the_same_robots() {
     assert_eq!(whole["reference"], "any");
     let plan = &whole["plans"][0];
     assert_eq!((&plan["name"], &plan["runs"]), (&json!("mine"), &json!(40)));
-    let judged = place
-        .run("evaluate s.toml --plan p.csv --trials 40 --report-out t.html --json --quiet")
-        .json();
+    let judged = place.record("evaluate s.toml --plan p.csv --trials 40 --report-out t.html");
     for key in ["rms_mm", "rms_std_mm", "coverage95"] {
         assert_eq!(plan[key], judged["trials"][key], "{key}");
     }
@@ -166,11 +165,9 @@ fn a_study_is_of_the_same_robots() {
     }
 
     for shard in [1, 2] {
-        place
-            .run(&format!(
-                "{asked} --shard {shard}/2 --tally-out {shard}.json --quiet"
-            ))
-            .ends_with(0);
+        place.done(&format!(
+            "{asked} --shard {shard}/2 --tally-out {shard}.json --quiet"
+        ));
     }
     let merged = place.json("merge 1.json 2.json");
     assert_eq!(merged["plans"], whole["plans"]);
@@ -192,8 +189,7 @@ fn a_study_is_of_the_same_robots() {
 /// runs.
 #[test]
 fn sweeps_and_replays_are_of_the_same_runs() {
-    let place = Workplace::new();
-    place.write("k.toml", absolute(KNOWN));
+    let place = Workplace::with("k.toml", absolute(KNOWN));
     place.run("plan k.toml --draw 20 --plan-out p.csv --quiet");
     let study = |more: &str| {
         let file = "[[study.plan]]\nkind = \"file\"\nname = \"mine\"\nfile = \"p.csv\"\n";
@@ -211,11 +207,9 @@ fn sweeps_and_replays_are_of_the_same_runs() {
     assert_eq!(all.as_array().map(Vec::len), Some(8));
     assert_eq!(all, plans(study(swept), "--threads 3"));
     for shard in [1, 2] {
-        place
-            .run(&format!(
-                "study s.toml --shard {shard}/2 --tally-out {shard}.json --quiet"
-            ))
-            .ends_with(0);
+        place.done(&format!(
+            "study s.toml --shard {shard}/2 --tally-out {shard}.json --quiet"
+        ));
     }
     assert_eq!(all, place.json("merge 1.json 2.json")["plans"]);
     for each in all.as_array().expect("a list").iter().step_by(5) {
@@ -241,26 +235,22 @@ fn sweeps_and_replays_are_of_the_same_runs() {
     let replayed = place.json_with_conditions("replay s.toml --run 0");
     assert_eq!(replayed["sigma_mm"], all[0]["sigma_mm"]);
     let notes = replayed["notes"].to_string();
-    assert!(
-        notes.contains("sigma 0.0200 mm") && notes.contains("sigma 0.0400 mm"),
-        "{notes}"
-    );
+    assert_has(&notes, "sigma 0.0200 mm");
+    assert_has(&notes, "sigma 0.0400 mm");
 
     let one = plans(study(""), "--trials 1");
     let replayed = place.json_with_conditions("replay s.toml --run 0");
     let replayed = &replayed["plans"][0];
     let distance = number(&replayed["test_poses"][0]["residual_mm"]);
     assert!((number(&one[0]["rms_mm"]) / distance - 1.0).abs() < 1e-9);
-    let readings = replayed["measurements"].as_array().expect("a list");
+    let readings = list(&replayed["measurements"]);
     let left = &replayed["identification"]["residuals_mm"];
     assert_eq!(left.as_array().map(Vec::len), Some(readings.len()));
     assert_ne!(
         place.json_with_conditions("replay s.toml --run 1")["plans"][0],
         *replayed
     );
-    place
-        .run("replay s.toml --run 0 --parameters zeros --candidates p.csv --draw 3")
-        .ends_with(2);
+    place.misused("replay s.toml --run 0 --parameters zeros --candidates p.csv --draw 3");
 }
 
 /// What the belief does not know of is named, with what it leaves.
@@ -279,7 +269,7 @@ fn what_breaks_a_prediction_is_named() {
             && verdict.contains("hidden contribution is \"transmission_error\""),
         "{verdict}"
     );
-    let contributions = plan["contributions"].as_array().expect("a list");
+    let contributions = list(&plan["contributions"]);
     assert_eq!(
         contributions.last().expect("the hidden one")["hidden"],
         true
@@ -287,10 +277,7 @@ fn what_breaks_a_prediction_is_named() {
     // To first order, what is seen is what is predicted and what is hidden.
     let squares = expected_mm(plan).powi(2);
     let seen = number(&plan["rms_mm"]).powi(2);
-    assert!(
-        (seen / squares - 1.0).abs() < 4.0 * (2.0_f64 / 40.0).sqrt(),
-        "{seen} {squares}"
-    );
+    assert_alike(seen, squares, 4.0 * (2.0_f64 / 40.0).sqrt());
 }
 
 /// What is there for deflections alone is refused by its name, and what is for absolute readings where deflections are studied.
@@ -332,8 +319,7 @@ fn what_does_not_fit_is_refused() {
     ] {
         place.write("s.toml", text(study));
         place
-            .run(&format!("study s.toml --quiet {arguments}"))
-            .ends_with(1)
+            .refused(&format!("study s.toml --quiet {arguments}"))
             .says(words);
     }
     for (arguments, words) in [
@@ -358,9 +344,6 @@ fn what_does_not_fit_is_refused() {
             "no reading of the plan is of spindle, whose place is predicted: no run can show it",
         ),
     ] {
-        place
-            .run(&format!("{arguments} --quiet"))
-            .ends_with(1)
-            .says(words);
+        place.refused(&format!("{arguments} --quiet")).says(words);
     }
 }

@@ -10,13 +10,13 @@ use elastocal::mujoco::Model;
 use elastocal::numeric::markov::{Correlation, Kernel, MarkovProcess};
 use elastocal::parameter::{ElasticArm, GearWave, WaveError};
 use elastocal::robot::{EquilibriumSolver, Load, SerialChain};
-use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Isometry3, Quaternion, UnitQuaternion, Vector3};
 use serde_json::Value;
 
 use crate::support::{
-    Workplace, absolute_scenario_text, number, numbers, project, scenario, scenario_text,
+    Workplace, absolute_scenario_text, assert_near, list, number, numbers, project, scenario,
+    scenario_text,
 };
 
 /// A place in which a KR-270 with unknown zeros and links was identified, and written as a model.
@@ -116,7 +116,7 @@ fn the_virtual_robot_stands_where_it_should_under_its_load() {
             "true.xml",
         ),
     );
-    let scenario = Scenario::load(&place.path("t.toml")).expect("a scenario");
+    let scenario = place.scenario("t.toml");
     let mut robot = VirtualRobot::new(&scenario.truth.robot, "machining_tcp").expect("a robot");
     let workpiece = elastocal::mujoco::frame(
         Vector3::new(0.5, -0.2, 0.1),
@@ -142,10 +142,7 @@ fn the_virtual_robot_stands_where_it_should_under_its_load() {
                 .read("angles.csv")
                 .starts_with("# targets of the tool \"machining_tcp\" in the frame of")
         );
-        for ((pose, load), target) in wanted
-            .iter()
-            .zip(json["targets"].as_array().expect("a list"))
-        {
+        for ((pose, load), target) in wanted.iter().zip(list(&json["targets"])) {
             let commanded: Vec<f64> = numbers(&target["q_commanded_deg"])
                 .iter()
                 .map(|deg| deg.to_radians())
@@ -164,13 +161,11 @@ fn what_is_out_of_reach_is_named() {
     let place = identified();
     place.write("targets.csv", "x_mm,y_mm,z_mm\n1500,100,1200\n9000,0,0\n");
     place
-        .run("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --quiet")
-        .ends_with(3)
+        .doubted("compensate k.toml --identified i.json --targets targets.csv --angles-out angles.csv --quiet")
         .says("condition C0306: target 2 (line 3) cannot be reached: the tool stays");
     assert_eq!(place.read("angles.csv").lines().count(), 3);
     place
-        .run("compensate k.toml --identified i.json --targets targets.csv --quiet --frame instrument")
-        .ends_with(1)
+        .refused("compensate k.toml --identified i.json --targets targets.csv --quiet --frame instrument")
         .says("was identified from deflections");
     for (text, said) in [
         ("x_mm,y_mm\n1,2\n", "z_mm"),
@@ -185,8 +180,7 @@ fn what_is_out_of_reach_is_named() {
     ] {
         place.write("targets.csv", text);
         place
-            .run("compensate k.toml --identified i.json --targets targets.csv --quiet")
-            .ends_with(1)
+            .refused("compensate k.toml --identified i.json --targets targets.csv --quiet")
             .says(said);
     }
 }
@@ -288,10 +282,7 @@ fn the_predicted_accuracy_is_observed() {
     let (seen, told) = (mean(&observed), mean(&predicted));
     let spread: Vec<f64> = observed.iter().map(|each| (each - seen).powi(2)).collect();
     let error = (mean(&spread) / 39.0).sqrt();
-    assert!(
-        (seen - told).abs() < 3.0 * error,
-        "{seen} +- {error}, {told}"
-    );
+    assert_near(seen, told, 3.0 * error);
     assert!(told > 1e-4, "{told}");
 }
 
@@ -361,18 +352,16 @@ fn a_tool_that_was_not_read_may_depend_on_what_is_redundant() {
             ANGLES.join(",") + ",target\n" + &rows.collect::<String>(),
         );
         place.run("measure s.toml --plan plan.csv --measurements-out m.csv --quiet");
-        let found = place
-            .run("identify s.toml --measurements m.csv --parameters zeros --identified-out i.json --json --quiet")
-            .json();
+        let found = place.record(
+            "identify s.toml --measurements m.csv --parameters zeros --identified-out i.json",
+        );
         assert!(found["left_out"].to_string().contains("wrist_3.zero"));
         place.write("t.csv", "x_mm,y_mm,z_mm\n600,300,500\n-500,400,700\n");
         for (tool, is_predicted) in [("reflector", true), (machining, is_predicted)] {
-            let json = place
-                .run(&format!(
-                    "compensate s.toml --identified i.json --targets t.csv --frame base --tool {tool} --json --quiet"
-                ))
-                .json();
-            for target in json["targets"].as_array().expect("targets") {
+            let json = place.record(&format!(
+                "compensate s.toml --identified i.json --targets t.csv --frame base --tool {tool}"
+            ));
+            for target in list(&json["targets"]) {
                 assert!(target["q_commanded_deg"].is_array(), "{target}");
                 let predicted_mm = &target["predicted_mm"];
                 assert_eq!(predicted_mm.is_number(), is_predicted, "{tool}: {target}");
@@ -518,7 +507,7 @@ fn loads_hang_on_the_calibration_tool() {
         let json = place.json(&format!(
             "identify {name} --measurements m.csv --parameters compliances"
         ));
-        let unknowns = json["unknowns"].as_array().expect("a list").clone();
+        let unknowns = list(&json["unknowns"]).clone();
         let of = |each: &Value| (number(&each["value"]), number(&each["standard_error"]));
         let compliances = unknowns.iter().filter(|each| {
             let name = each["name"].as_str().expect("a name");
@@ -587,9 +576,7 @@ position_mm = [2500, -2000, 1200]
         "x_mm,y_mm,z_mm,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm\n450,300,100,0,20,-20,0,0,0\n",
     );
     let all = "--parameters zeros,compliances --identified-out i.json --quiet";
-    place
-        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet");
     place.run(&format!("identify arm.toml --measurements m.csv {all}"));
     let left_out = place.read("i.json");
     assert!(left_out.contains("\"tool.z\""), "{left_out}");
@@ -609,9 +596,7 @@ position_mm = [2500, -2000, 1200]
     let known_mm = predicted_mm("heavy.csv");
     let cell = "[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.1\n";
     place.write("arm.toml", format!("{SCENARIO}{cell}"));
-    place
-        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet");
     place.run(&format!("identify arm.toml --measurements m.csv {all}"));
     let by_cell_mm = predicted_mm("heavy.csv");
     assert!(by_cell_mm > 3.0 * known_mm, "{by_cell_mm} {known_mm}");

@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, number, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, number, scenario_text, shipped};
 
 fn absolute(more: &str) -> String {
     absolute_scenario_text("ur10").replace("experiments = 4", "experiments = 14") + more
@@ -67,12 +67,26 @@ pub fn holds(trials: &Value) {
     assert_eq!(trials["failed"], 0);
 }
 
+/// The shipped plans of distances, of heights, and of positions beside distances.
+#[test]
+fn shipped_plans_keep_what_they_predict() {
+    for (name, trials) in [
+        ("ur10_ballbar", 1000),
+        ("ur10_height_gauge", 600),
+        ("ur10_tracker_ballbar", 1000),
+    ] {
+        let place = Workplace::with("s.toml", scenario_text(name));
+        let plan = shipped(&format!("scenarios/plans/{name}.csv"));
+        let json = place.json(&format!("evaluate s.toml --plan {plan} --trials {trials}"));
+        holds(&json["trials"]);
+    }
+}
+
 /// Plans at sampled configurations: robots of which nothing is known err as predicted, and, by a plan for them, those that are known to a
 /// degree, with all that disturbs them.
 #[test]
 fn drawn_robots_keep_what_is_predicted() {
-    let place = Workplace::new();
-    place.write("s.toml", absolute(""));
+    let place = Workplace::with("s.toml", absolute(""));
     place.write("k.toml", absolute(KNOWN));
     let plan = "plan s.toml --parameters zeros --draw 40 --plan-out p.csv";
     let planned = place.json(plan);
@@ -114,7 +128,7 @@ position_mm = [3000, 0, 400]
 "#;
     place.write("s.toml", absolute(beams));
     let plan = "plan s.toml --parameters zeros --draw 30 --plan-out p.csv --quiet";
-    place.run(plan).ends_with(0);
+    place.done(plan);
     let judged = place.json("evaluate s.toml --parameters zeros --plan p.csv --trials 300");
     holds(&judged["trials"]);
 }
@@ -127,21 +141,17 @@ fn what_is_hidden_breaks_the_prediction() {
         "\n[[uncertainty]]\nkind = \"transmission_error\"\nstd_mrad = 0.3\nhidden = true\n";
     place.write("s.toml", absolute(hidden));
     let plan = "plan s.toml --parameters zeros --draw 30 --plan-out p.csv --quiet";
-    place.run(plan).ends_with(0);
+    place.done(plan);
     let evaluate = "evaluate s.toml --parameters zeros --plan p.csv --trials 60";
-    let broken = place.run(&format!("{evaluate} --quiet")).ends_with(3);
+    let broken = place.doubted(&format!("{evaluate} --quiet"));
     let broken = broken.says("condition C0402: residual error of simulated robots");
-    assert!(
-        broken.stdout.contains("The prediction is exceeded"),
-        "{}",
-        broken.stdout
-    );
-    let text = place.run(&plan.replace("--quiet", "")).ends_with(0).stdout;
+    broken.prints("The prediction is exceeded");
+    let text = place.done(&plan.replace("--quiet", ""));
     for words in [
         "which were sampled: evidence, no proof",
         "The candidates are 30 configurations at random (seed 1)",
     ] {
-        assert!(text.contains(words), "{words}: {text}");
+        text.prints(words);
     }
 }
 
@@ -155,9 +165,7 @@ fn deflections_keep_what_is_predicted() {
     let text = scenario_text("ur10") + known;
     place.write("r.toml", &text);
     place.write("noise.toml", scenario_text("ur10"));
-    place
-        .run("plan noise.toml --no-proof --plan-out p.csv --quiet")
-        .ends_with(0);
+    place.done("plan noise.toml --no-proof --plan-out p.csv --quiet");
     let evaluate = "evaluate r.toml --plan p.csv --no-proof --trials 300";
     let trials = place.json(evaluate)["trials"].clone();
     assert_eq!(trials["prediction"], "holds", "{trials}");
@@ -180,8 +188,7 @@ fn deflections_keep_what_is_predicted() {
 /// Options where they say nothing.
 #[test]
 fn options_that_do_not_fit_are_told() {
-    let place = Workplace::new();
-    place.write("s.toml", absolute(""));
+    let place = Workplace::with("s.toml", absolute(""));
     place.write("r.toml", scenario_text("ur10"));
     place.write(
         "c.csv",
@@ -203,10 +210,6 @@ fn options_that_do_not_fit_are_told() {
             outcome.code == Some(1) || outcome.code == Some(2),
             "{outcome:?}"
         );
-        assert!(
-            outcome.stderr.contains(words),
-            "{words}: {}",
-            outcome.stderr
-        );
+        outcome.says(words);
     }
 }

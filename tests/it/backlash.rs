@@ -1,6 +1,6 @@
 //! Gaps of joints: the side of approach in files, in belief and truth, and loads that turn joints over.
 
-use elastocal::experiment::{read_plan, write_plan};
+use elastocal::experiment::read_plan;
 use elastocal::measurement::{absolute_table, read_measurements};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::Backlash;
@@ -10,7 +10,7 @@ use rand::RngExt;
 use serde_json::Value;
 
 use crate::one_fit::{SIGMA_M, SIGMA_RAD, between, normal, seen_arm, workplace};
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, assert_has, blank_reading, project, scenario_text, setup};
 use crate::uncertainties::{assert_holds, assert_refused, entry, expected_mm, loaded, with};
 
 /// Table 4's plan of four, its configurations approached from sides of their own.
@@ -54,23 +54,21 @@ fn plan_files_say_from_which_side() {
     // Where a column of sides has nothing, all joints turn positively.
     let expected = ["++++++", "------", "+-++-+", "++++++"];
     assert_eq!(words, expected.map(|word| Some(word.to_owned())));
-    write_plan(&place.path("again.csv"), 6, &plan).expect("written");
+    place.write_plan("again.csv", 6, &plan);
     assert_eq!(read_plan(&place.path("again.csv"), 6), Ok(plan.clone()));
     let mut silent = plan;
     for each in &mut silent.experiments {
         each.approach = None;
     }
-    write_plan(&place.path("silent.csv"), 6, &silent).expect("written");
+    place.write_plan("silent.csv", 6, &silent);
     assert!(!place.read("silent.csv").contains("approach"));
 
     for (word, says) in [("up", "\"up\""), ("+-", "6 signs")] {
         from_sides(&place, [word, "+", "+", "+"]);
         place.write("s.toml", with("", "model", 64));
-        let said = place
-            .run("evaluate s.toml --plan sides.csv --quiet")
-            .ends_with(1);
+        let said = place.refused("evaluate s.toml --plan sides.csv --quiet");
         for part in ["sides.csv", "line 3", "approach", says] {
-            assert!(said.stderr.contains(part), "{part}: {}", said.stderr);
+            said.says(part);
         }
     }
 }
@@ -91,7 +89,7 @@ fn measurements_say_from_which_side() {
     // Whoever identifies from another side is told other compliances.
     let identified = |file: &str| {
         let arguments = format!("identify s.toml --measurements {file} --json --quiet");
-        place.run(&arguments).ends_with(0).json()["compliance_applied_rad_per_nm"].clone()
+        place.done(&arguments).json()["compliance_applied_rad_per_nm"].clone()
     };
     let text = place.read("m.csv").replace("------", "++++++");
     place.write("other.csv", &text);
@@ -194,7 +192,7 @@ fn bounds_are_about_one_side() {
     from_sides(&place, MIXED);
     let evaluate = || {
         let command = "evaluate s.toml --plan sides.csv --no-proof --json --quiet";
-        place.run(command).ends_with(0).json()
+        place.done(command).json()
     };
     place.write(
         "s.toml",
@@ -232,10 +230,8 @@ fn the_laboratory_approaches_as_the_plan_says() {
             assert_eq!(turned > 0.0, positive, "{stop}");
         }
     }
-    assert!(
-        table.contains("------") && table.contains("+-++-+"),
-        "{table}"
-    );
+    assert_has(&table, "------");
+    assert_has(&table, "+-++-+");
 }
 
 /// Absolute readings from both sides tell the gaps apart from the zeros, within what is known of them before.
@@ -299,16 +295,9 @@ pub fn pose_of(
     arm: &elastocal::parameter::ElasticArm,
     told: &nalgebra::DVector<f64>,
 ) -> elastocal::measurement::AbsoluteReading {
-    use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+    use elastocal::observation::{ObservationModel, ReadingKind};
     let nothing = elastocal::parameter::ParameterSet::empty();
-    let setup = Setup {
-        hangs_on: None,
-        commanded_rad: told.clone(),
-        load: elastocal::robot::Load::NONE,
-        target: 0,
-        station: 0,
-        approach: None,
-    };
+    let setup = setup(told.clone(), elastocal::robot::Load::NONE, 0);
     let mut ignored = nalgebra::Matrix6xX::zeros(0);
     let seen = ObservationModel::new(&nothing, arm, &[])
         .predict(&setup, ReadingKind::Pose, &mut ignored)
@@ -318,18 +307,12 @@ pub fn pose_of(
     elastocal::measurement::AbsoluteReading {
         configuration_rad: told.clone(),
         load: setup.load,
-        target: None,
-        station: None,
-        visit: None,
         position_m: seen.position_m,
         rotation: Some(nalgebra::UnitQuaternion::from_rotation_matrix(&rotation)),
         covariance: Some(nalgebra::Matrix6::from_diagonal(
             &nalgebra::Vector6::from_fn(|row, _| variances[row / 3]),
         )),
-        approach: None,
-        length: None,
-        time_s: None,
-        temperature_c: None,
+        ..blank_reading()
     }
 }
 
@@ -337,42 +320,38 @@ pub fn pose_of(
 #[test]
 fn wrong_entries() {
     for (text, key, says) in [
-        ("std_arcsec = -1", "uncertainty[0].std_arcsec", "-1"),
-        (
-            "std_mrad = 1",
-            "uncertainty[0].std_mrad",
-            "it has std_arcsec or std_mm",
-        ),
-        ("std_mm = 1", "uncertainty[0].joints", "no joint is left"),
+        ("std_arcsec = -1", "std_arcsec", "-1"),
+        ("std_mrad = 1", "std_mrad", "it has std_arcsec or std_mm"),
+        ("std_mm = 1", "joints", "no joint is left"),
         (
             "turned_over_at_nm = 5",
-            "uncertainty[0]",
+            "[0]",
             "needs its standard deviation",
         ),
         (
             "std_arcsec = 20\nturned_over_at_nm = 0",
-            "uncertainty[0].turned_over_at_nm",
+            "turned_over_at_nm",
             "a positive number",
         ),
         (
             "joints = [\"joint_7\"]\nstd_arcsec = 20",
-            "uncertainty[0].joints",
+            "joints",
             "the robot's joints are",
         ),
         (
             "std_arcsec = 20\n[[uncertainty]]\nkind = \"backlash\"\nname = \"more\"\nstd_arcsec = 20",
-            "uncertainty",
+            "",
             "twice",
         ),
         (
             "std_arcsec = 20\n[[uncertainty]]\nkind = \"backlash\"\nname = \"more\"\nstd_arcsec = 20\n\
              turned_over_at_nm = 20\nhidden = true",
-            "uncertainty[1].turned_over_at_nm",
+            "[1].turned_over_at_nm",
             "something else of joint_1",
         ),
         (
             "std_arcsec = 20\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\nturned_over_at_nm = 20",
-            "uncertainty[1].turned_over_at_nm",
+            "[1].turned_over_at_nm",
             "a joint_zero has no such key",
         ),
     ] {

@@ -1,7 +1,7 @@
 //! Wrong inputs: each ends with exit code 1 and one error line that says what is wrong and where,
 //! and leaves nothing behind.
 
-use crate::support::{Workplace, error_message, project, scenario_text};
+use crate::support::{Workplace, error_message, project, scenario_text, shipped};
 
 /// What is wrong with how a run failed: it should end with code 1, print one `error:` line with all
 /// of `says` and, where `hint` is given, one `hint:` line with that, and leave no file behind.
@@ -224,10 +224,9 @@ const MODEL_EDITS: &[(&str, &str, &[&str])] = &[
 
 #[test]
 fn wrong_models() {
-    let workplace = Workplace::new();
-    workplace.write("bad.toml", MODEL_SCENARIO);
+    let workplace = Workplace::with("bad.toml", MODEL_SCENARIO);
     workplace.write("arm.xml", MODEL);
-    workplace.run("check bad.toml").ends_with(0);
+    workplace.done("check bad.toml");
     let mut wrong = Vec::new();
     for (from, to, says) in MODEL_EDITS {
         assert!(MODEL.contains(from), "{from:?}");
@@ -283,8 +282,7 @@ const PLAN_EDITS: &[(&str, &str, &[&str], Option<&str>)] = &[
 
 #[test]
 fn wrong_plans() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("plan.csv", PLAN);
     let measure = "measure good.toml --plan plan.csv --measurements-out m.csv";
     let mut wrong = Vec::new();
@@ -343,12 +341,9 @@ const MEASUREMENT_EDITS: &[(&str, &str, &[&str], Option<&str>)] = &[
 
 #[test]
 fn wrong_measurements() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("m.csv", MEASUREMENTS);
-    workplace
-        .run("identify good.toml --measurements m.csv")
-        .ends_with(0);
+    workplace.done("identify good.toml --measurements m.csv");
     let identify = "identify good.toml --measurements m.csv --identified-out i.json";
     let mut wrong = Vec::new();
     for (from, to, says, hint) in MEASUREMENT_EDITS {
@@ -371,8 +366,7 @@ fn wrong_measurements() {
 /// A robot too soft for its own weight, or for the load.
 #[test]
 fn robots_that_give_way() {
-    let workplace = Workplace::new();
-    workplace.write("plan.csv", PLAN);
+    let workplace = Workplace::with("plan.csv", PLAN);
     let with_compliance = |table: &str, value: &str| {
         let table = format!(
             "{table}\ncompliance_rad_per_nm = [{}]\n",
@@ -414,8 +408,7 @@ fn sigma_from_no_residuals() {
 
 #[test]
 fn more_configurations_than_measurements() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     let plan = "plan good.toml --experiments 2 --configurations 3";
     let says = ["good.toml: --configurations: found 3; at most 2"];
     assert_none(&complaints(&workplace, plan, &says, None));
@@ -423,12 +416,9 @@ fn more_configurations_than_measurements() {
 
 #[test]
 fn wrong_identifications() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("m.csv", MEASUREMENTS);
-    workplace
-        .run("identify good.toml --measurements m.csv --identified-out good.json")
-        .ends_with(0);
+    workplace.done("identify good.toml --measurements m.csv --identified-out good.json");
     let good = workplace.read("good.json");
     let first_row = good.find("\"covariance").expect("is there");
     let first_row = &good[first_row..first_row + good[first_row..].find("],").expect("ends") + 2];
@@ -456,8 +446,7 @@ fn wrong_identifications() {
 /// Each place where a file is read: missing, a folder, not UTF-8.
 #[test]
 fn files_that_cannot_be_read() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     std::fs::create_dir(workplace.path("folder")).expect("can be made");
     workplace.write("latin1", b"# sch\xf6n\n");
     let model = project("models/kr270.xml");
@@ -514,13 +503,11 @@ fn files_that_cannot_be_read() {
 /// to the superuser; the file is a folder.
 #[test]
 fn places_that_cannot_be_written() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("m.csv", MEASUREMENTS);
     workplace.write("file", "");
     std::fs::create_dir_all(workplace.path("folder/good")).expect("can be made");
-    let plan = project("scenarios/plans/klimchik2012_m2.csv");
-    let plan = plan.to_string_lossy();
+    let plan = shipped("scenarios/plans/klimchik2012_m2.csv");
     let mut wrong = Vec::new();
     for place in ["missing/x", "file/x", "/proc/x", "folder"] {
         for command in [
@@ -538,10 +525,7 @@ fn places_that_cannot_be_written() {
         }
     }
     let outcome = workplace.run("plan good.toml --plan-out missing/x");
-    assert!(
-        !outcome.stderr.contains("designing"),
-        "found after the work: {outcome:#?}"
-    );
+    outcome.does_not_say("designing");
     for place in ["file", "file/x", "/proc/x"] {
         let command = format!("run good.toml --out {place}");
         let says = [place, "cannot be made a folder"];
@@ -553,8 +537,7 @@ fn places_that_cannot_be_written() {
 /// Wrong usage is for clap: exit code 2, and nothing on stdout.
 #[test]
 fn wrong_usage() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     for arguments in [
         "",
         "calibrate good.toml",
@@ -567,7 +550,7 @@ fn wrong_usage() {
         "evaluate good.toml",
         "identify good.toml --measurements m.csv --method best",
     ] {
-        let outcome = workplace.run(arguments).ends_with(2);
+        let outcome = workplace.misused(arguments);
         assert_eq!(outcome.stdout, "", "{outcome:#?}");
         // Without arguments it is the help.
         let says = if arguments.is_empty() {
@@ -575,7 +558,7 @@ fn wrong_usage() {
         } else {
             "error E0902: "
         };
-        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+        outcome.says(says);
     }
     assert_eq!(workplace.listing(), ["good.toml"]);
 }

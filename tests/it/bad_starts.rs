@@ -27,6 +27,7 @@ enum Outcome {
 }
 
 /// A robot with its readings, unlike what is believed of it.
+#[derive(Clone, Copy)]
 struct Start {
     name: &'static str,
     groups: &'static [ParameterGroup],
@@ -59,6 +60,29 @@ const PLAIN: Start = Start {
     spoil: |_, _| {},
     outcome: Outcome::Fits,
 };
+
+/// A robot that is changed so.
+fn changed(name: &'static str, change: fn(&mut ElasticArm)) -> Start {
+    Start {
+        name,
+        change,
+        ..PLAIN
+    }
+}
+
+fn of_positions(start: Start) -> Start {
+    Start {
+        is_pose: false,
+        ..start
+    }
+}
+
+fn fails(start: Start) -> Start {
+    Start {
+        outcome: Outcome::Fails,
+        ..start
+    }
+}
 
 fn half_turn(axis: Vector3<f64>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Unit::new_normalize(axis), std::f64::consts::PI)
@@ -117,36 +141,22 @@ fn starts() -> Vec<Start> {
         ..PLAIN
     };
     vec![
-        Start {
-            name: "base half a turn about x",
-            change: x,
-            ..PLAIN
-        },
-        Start {
-            name: "base half a turn about y",
-            change: |arm| turn_base(arm, Vector3::y()),
-            ..PLAIN
-        },
-        Start {
-            name: "base half a turn about z",
-            change: |arm| turn_base(arm, Vector3::z()),
-            ..PLAIN
-        },
-        Start {
-            name: "target half a turn about x",
-            change: |arm| turn_target(arm, Vector3::x()),
-            ..PLAIN
-        },
-        Start {
-            name: "target half a turn about y",
-            change: |arm| turn_target(arm, Vector3::y()),
-            ..PLAIN
-        },
-        Start {
-            name: "target half a turn askew",
-            change: |arm| turn_target(arm, Vector3::new(1.0, 1.0, 1.0)),
-            ..PLAIN
-        },
+        changed("base half a turn about x", x),
+        changed("base half a turn about y", |arm| {
+            turn_base(arm, Vector3::y());
+        }),
+        changed("base half a turn about z", |arm| {
+            turn_base(arm, Vector3::z());
+        }),
+        changed("target half a turn about x", |arm| {
+            turn_target(arm, Vector3::x());
+        }),
+        changed("target half a turn about y", |arm| {
+            turn_target(arm, Vector3::y());
+        }),
+        changed("target half a turn askew", |arm| {
+            turn_target(arm, Vector3::new(1.0, 1.0, 1.0));
+        }),
         Start {
             name: "base and target half a turn",
             change: |arm| {
@@ -155,71 +165,30 @@ fn starts() -> Vec<Start> {
             },
             ..PLAIN
         },
-        Start {
-            name: "positions, base half a turn about x",
-            is_pose: false,
-            change: x,
-            ..PLAIN
-        },
-        Start {
-            name: "positions, base half a turn askew",
-            is_pose: false,
-            change: |arm| turn_base(arm, Vector3::new(1.0, 1.0, 1.0)),
-            ..PLAIN
-        },
-        Start {
-            name: "second joint 90 deg off",
-            change: |arm| zeros(arm, &[1], 90.0),
-            outcome: Fails,
-            ..PLAIN
-        },
-        Start {
-            name: "elbow 90 deg off",
-            change: |arm| zeros(arm, &[2], 90.0),
-            outcome: Fails,
-            ..PLAIN
-        },
-        Start {
-            name: "fourth joint 90 deg off",
-            change: |arm| zeros(arm, &[3], 90.0),
-            ..PLAIN
-        },
-        Start {
-            name: "fifth joint 90 deg off",
-            change: |arm| zeros(arm, &[4], 90.0),
-            ..PLAIN
-        },
-        Start {
-            name: "elbow 180 deg off",
-            change: |arm| zeros(arm, &[2], 180.0),
-            outcome: Fails,
-            ..PLAIN
-        },
-        Start {
-            name: "all joints 30 deg off",
-            change: |arm| zeros(arm, &[0, 1, 2, 3, 4, 5], 30.0),
-            outcome: Fails,
-            ..PLAIN
-        },
-        Start {
-            name: "all joints 90 deg off",
-            change: |arm| zeros(arm, &[0, 1, 2, 3, 4, 5], 90.0),
-            outcome: Fails,
-            ..PLAIN
-        },
-        Start {
-            name: "positions, elbow 30 deg off",
-            is_pose: false,
-            change: |arm| zeros(arm, &[2], 30.0),
-            ..PLAIN
-        },
-        Start {
-            name: "positions, elbow 90 deg off",
-            is_pose: false,
-            change: |arm| zeros(arm, &[2], 90.0),
-            outcome: Fails,
-            ..PLAIN
-        },
+        of_positions(changed("positions, base half a turn about x", x)),
+        of_positions(changed("positions, base half a turn askew", |arm| {
+            turn_base(arm, Vector3::new(1.0, 1.0, 1.0));
+        })),
+        fails(changed("second joint 90 deg off", |arm| {
+            zeros(arm, &[1], 90.0);
+        })),
+        fails(changed("elbow 90 deg off", |arm| zeros(arm, &[2], 90.0))),
+        changed("fourth joint 90 deg off", |arm| zeros(arm, &[3], 90.0)),
+        changed("fifth joint 90 deg off", |arm| zeros(arm, &[4], 90.0)),
+        fails(changed("elbow 180 deg off", |arm| zeros(arm, &[2], 180.0))),
+        fails(changed("all joints 30 deg off", |arm| {
+            zeros(arm, &[0, 1, 2, 3, 4, 5], 30.0);
+        })),
+        fails(changed("all joints 90 deg off", |arm| {
+            zeros(arm, &[0, 1, 2, 3, 4, 5], 90.0);
+        })),
+        of_positions(changed("positions, elbow 30 deg off", |arm| {
+            zeros(arm, &[2], 30.0);
+        })),
+        fails(of_positions(changed(
+            "positions, elbow 90 deg off",
+            |arm| zeros(arm, &[2], 90.0),
+        ))),
         Start {
             name: "12 poses",
             readings: 12,
@@ -333,12 +302,7 @@ fn fitted(scenario: &Scenario, start: &Start, seed: u64) -> Option<AbsoluteFit> 
         let size = (start.readings, start.force_n);
         read_within(&mut random, &arm, range, size, &|_, _| 0.0)
     } else {
-        let campaign = Campaign {
-            readings: start.readings,
-            is_pose: start.is_pose,
-            noise: 1.0,
-            force_n: start.force_n,
-        };
+        let campaign = Campaign::new(start.readings, start.is_pose, 1.0).under(start.force_n);
         read(&mut random, &arm, &campaign)
     };
     for (index, reading) in readings.iter_mut().enumerate() {
@@ -353,7 +317,7 @@ fn outcome(start: &Start, seed: u64) -> Outcome {
     let model = project("models/ur10.xml").display().to_string();
     let text = scenario_text("ur10").replace("../models/ur10.xml", &model);
     place.write("s.toml", text + start.known);
-    let scenario = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let scenario = place.scenario("s.toml");
     let Some(fit) = fitted(&scenario, start, seed) else {
         return Outcome::Fails;
     };

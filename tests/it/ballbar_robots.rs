@@ -1,7 +1,6 @@
 //! Virtual robots that are identified from distances of which visits share errors: standard errors, predictions, models, choices.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::{Candidate, read_candidates};
 use elastocal::identification::{
@@ -12,9 +11,7 @@ use elastocal::numeric::random::generator;
 use elastocal::observation::{LengthKind, ReadLength};
 use elastocal::parameter::{Axis, ParameterKind};
 use elastocal::plan::absolute::ReadingsWanted;
-use elastocal::plan::search::Watch;
 use elastocal::record::messages::ProvenanceMessage;
-use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::selection::{Chosen, SelectionWanted, select};
 use elastocal::workflow::identify::{identify_absolute, model_selection};
@@ -24,7 +21,7 @@ use rayon::prelude::*;
 
 use crate::ballbars::with_sources;
 use crate::one_fit::normal;
-use crate::support::{Workplace, project};
+use crate::support::{Workplace, blank_reading, project, unwatched};
 
 const ZEROS: [ParameterGroup; 1] = [ParameterGroup::Zeros];
 const CHOICES: FitChoices = FitChoices::weighed(ReadingWeights::AsNeeded);
@@ -83,17 +80,12 @@ impl VisitedRobot {
             let (visit, row) = (visit.to_string(), row.clone());
             let reading = move |target: &&str| AbsoluteReading {
                 configuration_rad: row.configuration_rad.clone(),
-                load: Load::NONE,
                 target: Some((*target).to_owned()),
                 station: row.station.clone(),
                 visit: Some(visit.clone()),
                 position_m: Vector3::zeros(),
                 length: Some(distance(0.0)),
-                rotation: None,
-                covariance: None,
-                approach: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             };
             targets.iter().map(reading).collect::<Vec<_>>()
         };
@@ -251,8 +243,7 @@ fn validated(
     let fitted = half(0.0, 0);
     let found = identify_absolute(belief, &fitted, &[], CHOICES).expect("a fit");
     let json = found.json(scenario, &fitted, &ProvenanceMessage::new(scenario), &[]);
-    let place = Workplace::new();
-    place.write("robot.json", json.expect("a record").to_string());
+    let place = Workplace::with("robot.json", json.expect("a record").to_string());
     let path = place.path("robot.json");
     let file = IdentifiedFile::read(&path).expect("read");
     let IdentifiedRecord::Readings(robot) = &file.record else {
@@ -358,11 +349,7 @@ fn distances_are_chosen_as_positions_are() {
         campaigns: 100,
         seed: 1,
     };
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let found = select(&scenario.task.belief, &readings, &ZEROS, &wanted, watch).expect("choices");
     let of_size = &found.sizes[0];
     assert_eq!(of_size.planned.len(), 6);

@@ -17,7 +17,7 @@ use nalgebra::{DVector, Vector3};
 use rand::{Rng, RngExt};
 
 use crate::planning::{designed, random_load};
-use crate::support::{Workplace, scenario, scenario_text, table4};
+use crate::support::{Workplace, assert_has, experiment, scenario, scenario_text, shipped, table4};
 
 const SHIPPED: [&str; 6] = [
     "klimchik2012",
@@ -137,10 +137,7 @@ fn plans_as_they_are_printed_keep_their_efficiency() {
         .of_plan(&tilted)
         .expect_err("0.57 deg are no printing")
         .to_string();
-    assert!(
-        reason.contains("experiment 2: tool elevation is"),
-        "{reason}"
-    );
+    assert_has(&reason, "experiment 2: tool elevation is");
     assert!(reason.contains("the bound is 30.100 deg"), "{reason}");
     let mut heavy = table4(3);
     heavy.experiments[2].load = Load::force(0.0, 0.0, -250_000.0);
@@ -268,7 +265,7 @@ fn a_bound_speaks_about_plans_with_the_mandatory_experiments() {
 fn results_say_why_there_is_no_bound() {
     let workplace = Workplace::new();
     let text = scenario_text("klimchik2012");
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m12.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m12.csv");
     let one = std::fs::read_to_string(crate::support::project(
         "scenarios/plans/klimchik2012_m2.csv",
     ))
@@ -281,26 +278,21 @@ fn results_say_why_there_is_no_bound() {
             "experiments = 4\nmandatory = \"must.csv\"\n",
         ),
     );
-    let command = format!("evaluate cell.toml --plan {} --quiet", plan.display());
+    let command = format!("evaluate cell.toml --plan {plan} --quiet");
     let json = workplace.run(&(command.clone() + " --json")).json();
     assert!(json["efficiency"].is_null() && json["lower_bound_rho0_mm"].is_null());
     let reason = json["no_bound_reason"].as_str().expect("a reason");
     assert!(reason.contains("mandatory"), "{reason}");
-    let said = workplace.run(&command).stdout;
-    assert!(
-        said.contains(&format!("no bound and no efficiency: {reason}")),
-        "{said}"
-    );
-    let command = format!("check cell.toml --plan {}", plan.display());
-    let outcome = workplace.run(&command).ends_with(3);
+    let said = workplace.run(&command);
+    said.prints(&format!("no bound and no efficiency: {reason}"));
+    let command = format!("check cell.toml --plan {plan}");
+    let outcome = workplace.doubted(&command);
     let missing = "mandatory experiment 1 is measured 0 times in the plan; 1 is needed";
     assert!(
         (outcome.stdout.clone() + &outcome.stderr).contains(missing),
         "{outcome:?}"
     );
-    let budget = workplace
-        .run("budget cell.toml --up-to 2 --json --quiet")
-        .json();
+    let budget = workplace.record("budget cell.toml --up-to 2");
     assert_eq!(budget["budget"][0]["experiments"], 2);
     assert!(budget["budget"][0]["lower_bound_rho0_mm"].is_number());
 }
@@ -335,13 +327,7 @@ fn the_bound_holds_for_forces_of_every_size() {
                 .collect();
             let share = random.random::<f64>();
             let load = random_load(&scenario.task.loads, &mut random).scaled(share);
-            let experiment = Experiment {
-                configuration_rad: DVector::from_column_slice(&q),
-                load,
-                repeats: 1,
-                approach: None,
-                direction: None,
-            };
+            let experiment = experiment(DVector::from_column_slice(&q), load);
             if !feasibility.violations_of(1, &experiment).is_empty() {
                 continue;
             }

@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, DVector, Matrix3xX, Vector3};
 use rand::RngExt;
 
 use crate::recovery::of_compliances;
-use crate::support::{Workplace, number, project, scenario, scenario_text, six_rows};
+use crate::support::{Workplace, assert_near, number, scenario, scenario_text, shipped, six_rows};
 
 /// A KR-270 whose compensator is stiff enough to share joint 2's load, and with a spring in joint 3.
 fn stiffly_braced() -> Scenario {
@@ -185,10 +185,7 @@ fn torque_bounds_hold_what_the_drives_hold() {
             };
             let (_, torque, _, _) = bound.describe(&state, &LOAD, &gravity);
             let held = (solver.q()[joint] - q[joint]) / stiff[joint];
-            assert!(
-                (torque - held).abs() < 0.05 + 1e-4 * held.abs(),
-                "{torque}, {held}"
-            );
+            assert_near(torque, held, 0.05 + 1e-4 * held.abs());
             let margin = |by: usize, shift: f64| {
                 let mut moved = q.clone();
                 moved[by] += shift;
@@ -199,10 +196,7 @@ fn torque_bounds_hold_what_the_drives_hold() {
                 let slope = (margin(by, 1e-5) - margin(by, -1e-5)) / 2e-5;
                 let derivative = bound.derivative(&state, &LOAD, &gravity, by);
                 let allowed = 1e-6 * (1e4 + slope.abs());
-                assert!(
-                    (slope - derivative).abs() < allowed,
-                    "{slope}, {derivative}"
-                );
+                assert_near(slope, derivative, allowed);
             }
         }
     }
@@ -267,12 +261,9 @@ fn noise_alone_is_predicted_as_beside_a_source_of_nothing() {
     let noise = text[..list].to_owned();
     place.write("noise.toml", &noise);
     place.write("nothing.toml", noise + NOTHING);
-    let plan = project("scenarios/plans/klimchik2012_m12.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m12.csv");
     let found = ["noise", "nothing"].map(|name| {
-        let command = format!(
-            "evaluate {name}.toml --plan {} --no-proof --json --quiet",
-            plan.display()
-        );
+        let command = format!("evaluate {name}.toml --plan {plan} --no-proof --json --quiet");
         place.run(&command).json()
     });
     let [noise, nothing] = found.each_ref().map(|each| number(&each["rho0_mm"]));

@@ -3,14 +3,13 @@
 use std::path::Path;
 use std::process::Stdio;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, scenario_text, shipped};
 
 /// A quick command that says something on both, with a condition.
 fn command() -> (Workplace, String) {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let arguments = format!("measure s.toml --plan {}", plan.display());
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    let arguments = format!("measure s.toml --plan {plan}");
     (workplace, arguments)
 }
 
@@ -26,7 +25,7 @@ fn is_there(device: &str) -> bool {
 #[test]
 fn a_broken_stderr_changes_nothing() {
     let (workplace, measure) = command();
-    let expected = workplace.run(&measure).ends_with(0).stdout;
+    let expected = workplace.done(&measure).stdout;
     let (reader, writer) = std::io::pipe().expect("there are pipes");
     drop(reader);
     let output = workplace.command(&measure).stderr(writer).output();
@@ -51,14 +50,12 @@ fn a_broken_stderr_changes_nothing() {
 #[test]
 fn a_reader_of_stdout_that_has_seen_enough_is_no_error() {
     let (workplace, measure) = command();
-    for arguments in [&*measure, "--help"] {
+    let [words, json] = ["", " --json"].map(|form| format!("{measure} --quiet{form}"));
+    for arguments in [&*words, &*json, "--help"] {
         let (reader, writer) = std::io::pipe().expect("there are pipes");
         drop(reader);
         let output = workplace
-            .command(&format!(
-                "{arguments} {}",
-                if arguments == "--help" { "" } else { "--quiet" }
-            ))
+            .command(arguments)
             .stdout(writer)
             .stderr(Stdio::piped())
             .output()
@@ -78,6 +75,6 @@ fn a_full_stdout_is_an_error() {
         let outcome = workplace.shell(&format!("elastocal {arguments} >/dev/full"));
         assert_eq!(outcome.code, Some(1), "{outcome:#?}");
         let says = "error E0901: stdout cannot be written: No space left";
-        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+        outcome.says(says);
     }
 }

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, project};
+use crate::support::{Workplace, list, project};
 
 /// A page of text alone has no figures.
 const FEWEST_SHAPES: u64 = 8;
@@ -80,7 +80,7 @@ fn looks_well_in(page: &Path, figures: usize, readable_px: impl IntoIterator<Ite
         assert!(is_empty(&seen["errors"]), "{place}: {}", seen["errors"]);
         assert!(is_empty(&seen["console"]), "{place}: {}", seen["console"]);
         // The view that turns has the only scripts: its data, and what draws it.
-        let views = seen["views"].as_array().expect("an array");
+        let views = list(&seen["views"]);
         assert_eq!(seen["scripts"].as_u64(), Some(2 * views.len() as u64));
         for view in views {
             // A slim arm that is folded up covers little more than half a percent.
@@ -102,7 +102,7 @@ fn looks_well_in(page: &Path, figures: usize, readable_px: impl IntoIterator<Ite
             seen["page_px"][0], width_px,
             "{place} is wider than the window"
         );
-        let found = seen["figures"].as_array().expect("an array");
+        let found = list(&seen["figures"]);
         assert_eq!(found.len(), figures, "{place}");
         for figure in found {
             let label = &figure["label"];
@@ -111,13 +111,13 @@ fn looks_well_in(page: &Path, figures: usize, readable_px: impl IntoIterator<Ite
                 "{place}"
             );
             // A still is a picture of pixels with a few shapes over it.
-            let pictures = figure["pictures_px"].as_array().expect("an array");
+            let pictures = list(&figure["pictures_px"]);
             let is_still = pictures.iter().any(|width| width.as_f64() > Some(100.0));
             assert!(
                 is_still || figure["shapes"].as_u64() >= Some(FEWEST_SHAPES),
                 "{place}: {label}"
             );
-            for side in figure["content_px"].as_array().expect("two sides") {
+            for side in list(&figure["content_px"]) {
                 assert!(side.as_f64() > Some(100.0), "{place}: {label} is empty");
             }
             assert!(is_empty(&figure["outside"]), "{place}: {figure:#}");
@@ -130,7 +130,7 @@ fn looks_well_in(page: &Path, figures: usize, readable_px: impl IntoIterator<Ite
 }
 
 fn found_stills(seen: &Value) -> usize {
-    let figures = seen["figures"].as_array().expect("an array").iter();
+    let figures = list(&seen["figures"]).iter();
     let labels = figures.filter_map(|figure| figure["label"].as_str());
     labels
         .filter(|label| label.starts_with("Experiment "))
@@ -159,7 +159,7 @@ fn prints_well(page: &Path, paper: &str, size_mm: [f64; 2]) {
     assert!(is_empty(&seen["cut"]), "{place}: {}", seen["cut"]);
     assert!(is_empty(&seen["faint"]), "{place}: {}", seen["faint"]);
     assert_eq!(seen["page_px"][0], seen["window_px"], "{place}");
-    let sheets = seen["pages_mm"].as_array().expect("sheets");
+    let sheets = list(&seen["pages_mm"]);
     assert!((1..20).contains(&sheets.len()), "{place}: {sheets:?}");
     for sheet in sheets {
         for (side, found) in size_mm.iter().zip(sheet.as_array().expect("two sides")) {
@@ -172,8 +172,7 @@ fn prints_well(page: &Path, paper: &str, size_mm: [f64; 2]) {
 /// The look itself sees what is wrong with a page.
 #[test]
 fn the_look_sees_what_is_wrong() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "wrong.html",
         "<!DOCTYPE html><html><body><div style='width: 3000px'>wide</div>\
          <svg width='200' height='100' aria-label='two'><text x='10' y='50'>One text</text>\
@@ -192,7 +191,7 @@ fn the_look_sees_what_is_wrong() {
     assert_eq!(seen["console"], serde_json::json!(["hello"]));
     assert!(!is_empty(&seen["errors"]));
     assert!(seen["page_px"][0].as_f64() >= Some(3000.0));
-    let requests = seen["requests"].as_array().expect("an array");
+    let requests = list(&seen["requests"]);
     assert_eq!(requests.len(), 2, "{requests:?}");
     let figure = &seen["figures"][0];
     assert_eq!(figure["shapes"], 0);

@@ -14,7 +14,9 @@ use nalgebra::{
 };
 use rand::{Rng, RngExt};
 
-use crate::support::{Workplace, numbers, scenario, ur10_under_any_load};
+use crate::support::{
+    Workplace, blank_reading, force, list, numbers, scenario, ur10_under_any_load,
+};
 
 /// What the instrument sees of an arm's only tool.
 fn seen(arm: &ElasticArm, q: &DVector<f64>, load: &Load, station: usize) -> Isometry3<f64> {
@@ -42,10 +44,7 @@ fn configuration(random: &mut impl Rng, joints: usize) -> DVector<f64> {
 }
 
 fn load(random: &mut impl Rng) -> Load {
-    Load {
-        force_n: Vector3::from_fn(|_, _| random.random_range(-90.0..=90.0)),
-        torque_nm: Vector3::zeros(),
-    }
+    force(Vector3::from_fn(|_, _| random.random_range(-90.0..=90.0)))
 }
 
 /// Exact readings, said to be precise, of an arm from its stations.
@@ -66,16 +65,12 @@ fn readings(random: &mut impl Rng, arm: &ElasticArm, count: usize) -> Vec<Absolu
                 load,
                 target: Some(arm.tools[0].name.clone()),
                 station: (stations > 1).then(|| format!("S{}", index % stations)),
-                visit: None,
                 position_m: seen.translation.vector,
                 rotation: Some(seen.rotation),
                 covariance: Some(Matrix6::from_diagonal(&Vector6::from_fn(|row, _| {
                     variances[row / 3]
                 }))),
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect()
@@ -119,19 +114,17 @@ fn laboratory(stations: usize) -> (Workplace, ElasticArm) {
         })
         .collect();
     let truth = fit.set.apply(&nominal, &values);
-    let place = Workplace::new();
-    place.write("s.toml", ur10_under_any_load());
+    let place = Workplace::with("s.toml", ur10_under_any_load());
     let all = readings(&mut random, &truth, 90);
     place.write("m.csv", absolute_table(&6.into(), &all));
     place
-        .run("identify s.toml --quiet --measurements m.csv --parameters geometry,compliances --noise-only --identified-out i.json")
-        .ends_with(0);
+        .done("identify s.toml --quiet --measurements m.csv --parameters geometry,compliances --noise-only --identified-out i.json");
     (place, truth)
 }
 
 /// The base in the instrument's frame, as a file of `identify` has it.
 fn station_of(place: &Workplace, index: usize) -> Isometry3<f64> {
-    let json: serde_json::Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let json = place.parsed("i.json");
     let frame = &json["stations"][index];
     let at = Vector3::from_vec(numbers(&frame["position_mm"])) * 1e-3;
     let turned = numbers(&frame["quaternion"]);
@@ -192,7 +185,7 @@ fn the_robot_of_absolute_readings_becomes_a_model() {
         })
         .fold(String::new(), |text, line| text + line + "\n");
     place.write("again.toml", again);
-    place.run("check again.toml --quiet").ends_with(0);
+    place.done("check again.toml --quiet");
 }
 
 /// At the compensated test pose the loaded tool of the identified robot rests where the unloaded one does.
@@ -217,10 +210,7 @@ fn test_poses_are_compensated_with_the_robot_of_absolute_readings() {
             .expect("it rests");
         solver.state().tool_position
     };
-    let task = Load {
-        force_n: Vector3::new(10.0, -20.0, -50.0),
-        torque_nm: Vector3::zeros(),
-    };
+    let task = Load::force(10.0, -20.0, -50.0);
     let wanted = rest(&[20.0, -60.0, 80.0, -110.0, -70.0, 30.0], &Load::NONE);
     let found = rest(&numbers(&json["q_commanded_deg"]), &task);
     assert!(
@@ -287,7 +277,7 @@ fn absolute_targets_are_reached_in_the_instrument_s_frame() {
         let csv = place.read("a.csv");
         assert!(csv.lines().next().expect("a line").ends_with(said), "{csv}");
         assert_eq!(csv.lines().count(), 2 + wanted.len());
-        let targets = json["targets"].as_array().expect("a list");
+        let targets = list(&json["targets"]);
         for (target, (pose, load)) in targets.iter().zip(&wanted) {
             let q: Vec<f64> = (numbers(&target["q_commanded_deg"]).iter())
                 .map(|deg| deg.to_radians())
@@ -306,8 +296,7 @@ fn what_absolute_targets_need_is_said() {
     place.write("t.csv", "x_mm,y_mm,z_mm\n2400,-1000,900\n1,2,99999\n");
     let command = "compensate --identified i.json --targets t.csv --quiet";
     place
-        .run(&format!("{command} --station S0"))
-        .ends_with(3)
+        .doubted(&format!("{command} --station S0"))
         .says("condition C0306: target 2 (line 3) cannot be reached: the tool stays ");
     for (more, words) in [
         ("", "i.json: the instrument had several stations"),
@@ -322,14 +311,10 @@ fn what_absolute_targets_need_is_said() {
             "--tool: found \"cat\"; allowed are: reflector, spindle",
         ),
     ] {
-        place
-            .run(&format!("{command} {more}"))
-            .ends_with(1)
-            .says(words);
+        place.refused(&format!("{command} {more}")).says(words);
     }
     place
-        .run(&format!("{command} --workpiece table=1,2"))
-        .ends_with(2)
+        .misused(&format!("{command} --workpiece table=1,2"))
         .says("table=500,0,200,0,0,90");
     for (text, words) in [
         ("x_mm,y_mm\n1,2\n", "z_mm"),
@@ -339,8 +324,7 @@ fn what_absolute_targets_need_is_said() {
     ] {
         place.write("t.csv", text);
         place
-            .run(&format!("{command} --station S0"))
-            .ends_with(1)
+            .refused(&format!("{command} --station S0"))
             .says(words);
     }
     // What somebody wrote into the file of the identification.
@@ -362,8 +346,7 @@ fn what_absolute_targets_need_is_said() {
         place.write("w.json", text.replacen(key, to, 1));
         for command in ["export --model-out c.xml", "compensate"] {
             place
-                .run(&format!("{command} --identified w.json --quiet"))
-                .ends_with(1)
+                .refused(&format!("{command} --identified w.json --quiet"))
                 .says(words);
         }
     }
@@ -382,8 +365,7 @@ fn what_absolute_targets_need_is_said() {
     json["covariance"].as_array_mut().expect("a list").pop();
     place.write("w.json", json.to_string());
     place
-        .run("export --identified w.json --model-out c.xml --quiet")
-        .ends_with(1)
+        .refused("export --identified w.json --model-out c.xml --quiet")
         .says("w.json: covariance");
     assert!(!place.path("c.xml").exists());
 }

@@ -1,14 +1,15 @@
 //! Plans that are chosen from a list of candidates: held to all plans that there are of short lists, and their bound, too.
 
 use elastocal::experiment::{Candidate, Experiment};
-use elastocal::plan::search::{BoundKind, Candidates, PlanSize, Watch, random_plan};
+use elastocal::plan::search::{BoundKind, Candidates, PlanSize, random_plan};
 use elastocal::plan::{Assessment, Criterion, Plan};
 use elastocal::scenario::Scenario;
 use elastocal::task::Task;
 use std::fmt::Write as _;
-use std::sync::atomic::AtomicBool;
 
-use crate::support::{Workplace, scenario, scenario_text};
+use crate::support::{
+    Workplace, assert_alike, assert_has, number, scenario, scenario_text, unwatched,
+};
 
 /// Random feasible rows, each of which may be measured so often.
 fn rows(task: &Task, count: u32, most: Option<u32>) -> Vec<Candidate> {
@@ -32,11 +33,7 @@ fn designed(
     criterion: Criterion,
     size: PlanSize,
 ) -> (Plan, Assessment) {
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let (exact, bound) = candidates
         .design(task, criterion, size, 1, watch)
         .expect("a plan");
@@ -218,8 +215,7 @@ fn table(plan: &Plan) -> String {
 /// The commands: a plan of candidates, what is left out of them, and the same bound for the plan's file; on any number of threads.
 #[test]
 fn commands_say_what_they_chose_from() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let task = scenario("klimchik2012").task;
     let text = table(&random_plan(&task, 60, 1, 0).expect("a plan")) + "0,0,0,0,0,0\n9,0,0,0,0,0\n";
     place.write("c.csv", &text);
@@ -232,43 +228,27 @@ fn commands_say_what_they_chose_from() {
     assert_eq!(one["candidates"]["offered"], 62);
     assert_eq!(one["candidates"]["possible"], 60);
     assert_eq!(one["candidates"]["left_out"][0]["line"], 62);
-    assert!(
-        one["efficiency"].as_f64().expect("a number") > 0.8,
-        "{one:#}"
-    );
+    assert!(number(&one["efficiency"]) > 0.8, "{one:#}");
     let again = place.json("evaluate s.toml --plan p.csv --candidates c.csv");
     assert_eq!(again["rho0_mm"], one["rho0_mm"]);
     assert_eq!(again["bound_kind"], "proved");
-    let [searched, found] =
-        [&again, &one].map(|json| json["lower_bound_rho0_mm"].as_f64().expect("a bound"));
-    assert!(
-        (searched / found - 1.0).abs() < 1e-3,
-        "{searched} and {found}"
-    );
-    let text = place.run(plan).ends_with(0).stdout;
-    assert!(
-        text.contains("these 60 candidates, all of which were looked at"),
-        "{text}"
-    );
-    assert!(text.contains("Of 62 in c.csv, 2 are left out:"), "{text}");
+    let [searched, found] = [&again, &one].map(|json| number(&json["lower_bound_rho0_mm"]));
+    assert_alike(searched, found, 1e-3);
+    let text = place.done(plan);
+    text.prints("these 60 candidates, all of which were looked at");
+    text.prints("Of 62 in c.csv, 2 are left out:");
     // Another plan is none of theirs.
-    place
-        .run("plan s.toml --experiments 3 --no-proof --plan-out other.csv --quiet")
-        .ends_with(0);
+    place.done("plan s.toml --experiments 3 --no-proof --plan-out other.csv --quiet");
     let other = place.json("evaluate s.toml --plan other.csv --candidates c.csv");
     assert!(other["lower_bound_rho0_mm"].is_null());
     let reason = other["no_bound_reason"].as_str().expect("a reason");
-    assert!(
-        reason.contains("experiment 1 is none of the candidates"),
-        "{reason}"
-    );
+    assert_has(reason, "experiment 1 is none of the candidates");
 }
 
 /// Wrong files are named by file, line and column.
 #[test]
 fn wrong_candidates_are_refused() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let any = scenario_text("klimchik2012").replace(
         "kind = \"fixed\"\nforce_n = [0, 0, -2500]",
         "kind = \"any\"\nforce_max_n = 2500",
@@ -314,21 +294,11 @@ fn wrong_candidates_are_refused() {
         ("any", format!("{header}\n{row}\n"), "does not say which"),
     ] {
         place.write("c.csv", &text);
-        let outcome = place
-            .run(&format!(
-                "plan {scenario}.toml --experiments 3 --candidates c.csv --quiet"
-            ))
-            .ends_with(1);
-        assert!(
-            outcome.stderr.contains(wanted),
-            "{wanted}: {}",
-            outcome.stderr
-        );
+        let outcome = place.refused(&format!(
+            "plan {scenario}.toml --experiments 3 --candidates c.csv --quiet"
+        ));
+        outcome.says(wanted);
     }
-    place
-        .run("plan s.toml --candidates c.csv --prove 1%")
-        .ends_with(2);
-    place
-        .run("plan s.toml --candidates c.csv --minutes 60")
-        .ends_with(2);
+    place.misused("plan s.toml --candidates c.csv --prove 1%");
+    place.misused("plan s.toml --candidates c.csv --minutes 60");
 }

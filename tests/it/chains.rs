@@ -4,14 +4,14 @@ use std::fmt::Write as _;
 
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::ParameterSet;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DVector, Isometry3, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use crate::support::{Outcome, Workplace};
+use crate::support::{Outcome, Workplace, blank_reading, force, setup};
 
 const MODEL: &str = r#"<mujoco>
   <compiler angle="radian"/>
@@ -81,7 +81,7 @@ q1_deg,q2_deg,q3_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats
 
 /// What an uncertainty may be, and the sizes that it may have, by the schema that the program prints.
 fn kinds_and_sizes(place: &Workplace) -> (Vec<String>, Vec<String>) {
-    let schema = place.run("schema").ends_with(0).json();
+    let schema = place.done("schema").json();
     let table = &schema["$defs"]["UncertaintyTable"]["properties"];
     // Words alone, or each with a description.
     let kinds = &schema["$defs"]["UncertaintyKind"];
@@ -145,31 +145,17 @@ fn reads(place: &Workplace, arguments: &str) -> Outcome {
 fn deflections(place: &Workplace, name: &str) {
     let [scenario, measured, identified, plan] =
         [".toml", "_m.csv", "_i.json", "_v.csv"].map(|ending| name.to_owned() + ending);
-    reads(
-        place,
-        &format!("measure {scenario} --plan p.csv --measurements-out {measured}"),
-    );
-    reads(
-        place,
-        &format!("identify --measurements {measured} --identified-out {identified}"),
-    );
-    reads(place, &format!("compensate --identified {identified}"));
-    reads(
-        place,
-        &format!("export --identified {identified} --model-out {name}_o.xml"),
-    );
-    reads(
-        place,
-        &format!("validate --identified {identified} --experiments 2 --plan-out {plan}"),
-    );
-    reads(
-        place,
-        &format!("measure {scenario} --plan {plan} --seed 5 --measurements-out {measured}"),
-    );
-    reads(
-        place,
-        &format!("validate --identified {identified} --measurements {measured}"),
-    );
+    for command in [
+        format!("measure {scenario} --plan p.csv --measurements-out {measured}"),
+        format!("identify --measurements {measured} --identified-out {identified}"),
+        format!("compensate --identified {identified}"),
+        format!("export --identified {identified} --model-out {name}_o.xml"),
+        format!("validate --identified {identified} --experiments 2 --plan-out {plan}"),
+        format!("measure {scenario} --plan {plan} --seed 5 --measurements-out {measured}"),
+        format!("validate --identified {identified} --measurements {measured}"),
+    ] {
+        reads(place, &command);
+    }
 }
 
 /// Readings of the robot as the scenario believes it to be, with a little noise.
@@ -192,28 +178,15 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
             let load = if index % 2 == 0 {
                 Load::NONE
             } else {
-                Load {
-                    force_n,
-                    torque_nm: Vector3::zeros(),
-                }
+                force(force_n)
             };
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: DVector::from_vec(vec![turn, shoulder, elbow]),
-                load,
-                target: 0,
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(DVector::from_vec(vec![turn, shoulder, elbow]), load, 0);
             let seen = model.predict(&setup, kind, &mut ignored).expect("stable");
             let mut noise = || Vector3::from_fn(|_, _| random.random_range(-3e-5..3e-5));
             let turned = Rotation3::from_matrix_unchecked(seen.rotation);
             AbsoluteReading {
                 configuration_rad: setup.commanded_rad,
                 load,
-                target: None,
-                station: None,
-                visit: None,
                 position_m: seen.position_m + noise(),
                 rotation: (kind == ReadingKind::Pose).then(|| {
                     UnitQuaternion::from_rotation_matrix(&turned)
@@ -221,52 +194,37 @@ fn readings(scenario: &Scenario, kind: ReadingKind, count: u32, seed: u64) -> Ve
                 }),
                 covariance: (kind == ReadingKind::Pose)
                     .then(|| Matrix6::identity() * 2e-5_f64.powi(2)),
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect()
 }
 
 fn absolute(place: &Workplace, name: &str, kind: ReadingKind) {
-    let scenario = Scenario::load(&place.path(&format!("{name}.toml"))).expect("valid");
-    let [from, later] = ["from", "later"].map(|which| format!("{name}_{kind:?}_{which}.csv"));
-    place.write(
-        &from,
-        absolute_table(&3.into(), &readings(&scenario, kind, 40, 1)),
-    );
-    place.write(
-        &later,
-        absolute_table(&3.into(), &readings(&scenario, kind, 12, 2)),
-    );
+    let scenario = place.scenario(&format!("{name}.toml"));
+    let [from, later] = [("from", 40, 1), ("later", 12, 2)].map(|(which, count, seed)| {
+        let file = format!("{name}_{kind:?}_{which}.csv");
+        let all = readings(&scenario, kind, count, seed);
+        place.write(&file, absolute_table(&3.into(), &all));
+        file
+    });
     let identified = format!("{name}_{kind:?}.json");
-    reads(
-        place,
-        &format!(
+    for command in [
+        format!(
             "identify {name}.toml --measurements {from} --parameters zeros,compliances --identified-out {identified}"
         ),
-    );
-    reads(
-        place,
-        &format!("compensate {name}.toml --identified {identified}"),
-    );
-    reads(
-        place,
-        &format!("export {name}.toml --identified {identified} --model-out {identified}.xml"),
-    );
-    reads(
-        place,
-        &format!("validate {name}.toml --identified {identified} --measurements {later}"),
-    );
+        format!("compensate {name}.toml --identified {identified}"),
+        format!("export {name}.toml --identified {identified} --model-out {identified}.xml"),
+        format!("validate {name}.toml --identified {identified} --measurements {later}"),
+    ] {
+        reads(place, &command);
+    }
 }
 
 /// Each uncertainty alone, of whatever kind there is, and all at once.
 #[test]
 fn what_a_command_writes_the_next_one_reads() {
-    let place = Workplace::new();
-    place.write("m.xml", MODEL);
+    let place = Workplace::with("m.xml", MODEL);
     place.write("p.csv", PLAN);
     let (mut kinds, sizes) = kinds_and_sizes(&place);
     // These are errors where nothing is read by a gauge, or from a place.

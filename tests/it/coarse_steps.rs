@@ -60,7 +60,7 @@ fn predictions_of_repeats_hold_on_virtual_robots() {
         for each in &mut plan.experiments {
             each.repeats = 6;
         }
-        elastocal::plan::write_plan(&place.path("plan.csv"), commands, &plan).expect("written");
+        place.write_plan("plan.csv", commands, &plan);
         let found = place.json("study s.toml")["plans"][0].clone();
         assert_holds(&found, &format!("sigma {sigma_mm}"));
         assert!(number(&found["coverage95"]) > 0.93, "{found}");
@@ -77,14 +77,12 @@ fn repeats_that_are_shown_alike_are_not_too_near() {
     place.write("s.toml", head);
     let plan = nine(&scenario, 4);
     let commands = scenario.task.belief.commands();
-    elastocal::plan::write_plan(&place.path("plan.csv"), commands, &plan).expect("written");
+    place.write_plan("plan.csv", commands, &plan);
     for run in 0..20 {
         let measure =
             format!("measure s.toml --plan plan.csv --run {run} --measurements-out m.csv");
-        place.run(&format!("{measure} --quiet")).ends_with(0);
-        place
-            .run("identify s.toml --measurements m.csv --quiet")
-            .ends_with(0);
+        place.done(&format!("{measure} --quiet"));
+        place.done("identify s.toml --measurements m.csv --quiet");
     }
 }
 
@@ -149,7 +147,7 @@ fn bounds_hold_where_repeats_share_rounding() {
     let place = Workplace::new();
     let (head, _) = text.split_once("[[plan]]").expect("a plan");
     place.write("s.toml", head);
-    let json = |command: &str| place.run(&format!("{command} --json --quiet")).json();
+    let json = |command: &str| place.record(command);
     let planned =
         json("plan s.toml --experiments 12 --configurations 6 --no-proof --plan-out p.csv");
     let evaluated = json("evaluate s.toml --plan p.csv --no-proof");
@@ -214,8 +212,7 @@ fn predictions_of_repeated_heights_hold_on_virtual_robots() {
         .replace("resolution_mm = 0.001", "resolution_mm = 0.05")
         .replace("std_mrad = 0.02", "std_mrad = 0.002")
         .replace("joints = [\"shoulder_pan\", ", "joints = [");
-    let place = Workplace::new();
-    place.write("s.toml", text);
+    let place = Workplace::with("s.toml", text);
     let plan = project("scenarios/plans/ur10_height_gauge.csv");
     let plan = std::fs::read_to_string(plan).expect("read");
     place.write("once.csv", &plan);
@@ -228,7 +225,7 @@ fn predictions_of_repeated_heights_hold_on_virtual_robots() {
     let json = place.json("evaluate s.toml --plan often.csv --trials 600");
     holds(&json["trials"]);
     place.json("measure s.toml --plan often.csv --measurements-out read.csv");
-    let scenario = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let scenario = place.scenario("s.toml");
     let belief = &scenario.task.belief;
     let rows = read_candidates(&place.path("often.csv"), belief.commands()).expect("a plan");
     let planning = AbsolutePlanning::new(&scenario.task, &[], &rows).expect("a plan");

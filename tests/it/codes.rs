@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use elastocal::codes::{ConditionCode, ErrorCode, meanings};
 use serde_json::json;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, list, project, scenario_text};
 
 /// Conditions that no test makes: what they need is named.
 const NOT_MADE: [(ConditionCode, &str); 4] = [
@@ -124,8 +124,7 @@ fn own_tests() -> String {
 }
 
 fn workplace() -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let plan = std::fs::read(project("scenarios/plans/klimchik2012_m3.csv"));
     place.write("p.csv", plan.expect("it is there"));
     place
@@ -137,27 +136,25 @@ fn accepted_conditions_are_named_and_end_with_0() {
     let check = "check scenarios/kr270.toml --plan p.csv --quiet";
     let kr270 = project("scenarios/kr270.toml");
     let check = check.replace("scenarios/kr270.toml", &kr270.display().to_string());
-    let found = place.run(&check).ends_with(3);
+    let found = place.doubted(&check);
     assert_eq!(found.stderr, "condition C0102: the plan has 1 violation\n");
-    let json = place.run(&format!("{check} --json")).ends_with(3).json();
+    let json = place.doubted(&format!("{check} --json")).json();
     let text = "the plan has 1 violation";
     assert_eq!(
         json["conditions"],
         json!([{ "code": "C0102", "text": text }])
     );
     for allow in ["c0102", "C0105,C0102", "C0105 --allow C0102"] {
-        let found = place.run(&format!("{check} --allow {allow}")).ends_with(0);
+        let found = place.done(&format!("{check} --allow {allow}"));
         assert_eq!(found.stderr, format!("condition C0102 (allowed): {text}\n"));
     }
     let accepted = format!("{check} --json --allow C0102");
-    let json = place.run(&accepted).ends_with(0).json();
+    let json = place.done(&accepted).json();
     let accepted = json!([{ "code": "C0102", "text": text, "allowed": true }]);
     assert_eq!(json["conditions"], accepted);
-    place.run(&format!("{check} --allow C0105")).ends_with(3);
+    place.doubted(&format!("{check} --allow C0105"));
     for unknown in ["C0199", "E0101", ""] {
-        let found = place
-            .run(&format!("{check} --allow={unknown}"))
-            .ends_with(2);
+        let found = place.misused(&format!("{check} --allow={unknown}"));
         found.says("there is no such code; the nearest are C0");
     }
 }
@@ -172,7 +169,7 @@ fn what_is_not_accepted_ends_with_3() {
     let scenario = place.read("s.toml").replace("-2500", "2500");
     place.write("s.toml", scenario);
     let evaluate = "evaluate s.toml --plan p.csv --quiet --no-proof";
-    let found = place.run(evaluate).ends_with(3);
+    let found = place.doubted(evaluate);
     let codes: Vec<&str> = (found.stderr.lines())
         .filter_map(|line| {
             line.strip_prefix("condition ")?
@@ -182,11 +179,9 @@ fn what_is_not_accepted_ends_with_3() {
         .collect();
     assert!(codes.contains(&"C0502"), "{found:#?}");
     let all = codes.join(",");
-    place.run(&format!("{evaluate} --allow {all}")).ends_with(0);
+    place.done(&format!("{evaluate} --allow {all}"));
     if let [first, _, ..] = codes[..] {
-        place
-            .run(&format!("{evaluate} --allow {first}"))
-            .ends_with(3);
+        place.doubted(&format!("{evaluate} --allow {first}"));
     }
 }
 
@@ -206,7 +201,7 @@ fn a_side_without_room_is_named() {
         })
         .collect();
     place.write("p.csv", rows.join("\n"));
-    let lab = place.run("lab s.toml --quiet --plan p.csv").ends_with(3);
+    let lab = place.doubted("lab s.toml --quiet --plan p.csv");
     let named = "C0109: there is no room to approach experiment 1, 2, 3 from one side";
     lab.says(&format!("condition {named}"));
     let sheet = place.read("out/s/lab/run_sheet.html");
@@ -228,7 +223,7 @@ fn failed_runs_are_named() {
         "[study]\ntrials = 64\nexperiments = 3\nlevel = \"robot\"\ncompliance_spread = 1.0\n";
     let plan = "[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = \"p.csv\"\n";
     place.write("s.toml", format!("{text}{study}{plan}"));
-    let found = place.run("study s.toml --quiet").ends_with(3);
+    let found = place.doubted("study s.toml --quiet");
     assert!(found.stderr.starts_with("condition C0401: "), "{found:#?}");
     let said = "of 64 runs failed with the plan \"paper\" (";
     found.says(said);
@@ -290,10 +285,10 @@ fn errors_have_the_code_of_their_kind() {
 #[test]
 fn explain_says_what_a_code_means() {
     let place = Workplace::new();
-    let all = place.run("explain").ends_with(0).stdout;
+    let all = place.done("explain").stdout;
     assert_eq!(all.lines().count(), meanings().count());
     for word in ["C0205", "c0205"] {
-        let one = place.run(&format!("explain {word}")).ends_with(0).stdout;
+        let one = place.done(&format!("explain {word}")).stdout;
         let meaning = meanings()
             .find(|each| each.id == "C0205")
             .expect("it is told");
@@ -305,15 +300,15 @@ fn explain_says_what_a_code_means() {
         let expected = meaning.explanation.split_whitespace().collect::<Vec<_>>();
         assert!(words.ends_with(&expected), "{one}");
     }
-    let json = place.run("explain C06 E0301 --json").ends_with(0).json();
-    let codes = json["codes"].as_array().expect("a list");
+    let json = place.done("explain C06 E0301 --json").json();
+    let codes = list(&json["codes"]);
     let ids: Vec<_> = codes.iter().map(|each| each["id"].as_str()).collect();
     assert_eq!(ids, [Some("C0601"), Some("E0301")]);
-    let listed = place.run("explain --json").ends_with(0).json();
+    let listed = place.done("explain --json").json();
     assert_eq!(
         listed["codes"].as_array().map(Vec::len),
         Some(meanings().count())
     );
-    let unknown = place.run("explain C0209x").ends_with(2);
+    let unknown = place.misused("explain C0209x");
     unknown.says("there is no such code; the nearest are C0209 (copied readings), C020");
 }

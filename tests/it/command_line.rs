@@ -6,14 +6,13 @@ use elastocal::measurement::read_measurements;
 use elastocal::plan::read_plan;
 use serde_json::Value;
 
-use crate::support::{Outcome, Workplace, numbers, project, scenario_text};
+use crate::support::{Outcome, Workplace, list, number, numbers, project, scenario_text, shipped};
 
 const FULL: &str = "klimchik2012";
 
 /// A folder with the paper's scenario, its plan of three, and a shorter name for each.
 fn workplace() -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text(FULL));
+    let workplace = Workplace::with("s.toml", scenario_text(FULL));
     let plan = std::fs::read(project("scenarios/plans/klimchik2012_m3.csv"));
     workplace.write("plan.csv", plan.expect("can be read"));
     workplace
@@ -25,8 +24,8 @@ const COMPENSATE: &str = "compensate s.toml --identified i.json";
 
 fn measured_and_identified() -> Workplace {
     let workplace = workplace();
-    workplace.run(MEASURE).ends_with(0);
-    workplace.run(IDENTIFY).ends_with(0);
+    workplace.done(MEASURE);
+    workplace.done(IDENTIFY);
     workplace
 }
 
@@ -88,7 +87,7 @@ fn every_command_prints_its_keys() {
     has(&plan, &EVALUATE_KEYS);
     has(&plan, &["plan", "elapsed_s", "provenance"]);
     assert_eq!(plan["experiments"], 2);
-    for experiment in plan["plan"].as_array().expect("an array") {
+    for experiment in list(&plan["plan"]) {
         assert_eq!(numbers(&experiment["q_deg"]).len(), 6);
         assert_eq!(
             numbers(&experiment["wrench"]),
@@ -106,7 +105,7 @@ fn every_command_prints_its_keys() {
 
     let measure = json("measure s.toml --plan plan.csv --noise-free", 0);
     has(&measure, &["measurements", "provenance"]);
-    let measurements = measure["measurements"].as_array().expect("an array");
+    let measurements = list(&measure["measurements"]);
     assert_eq!(measurements.len(), 3);
     assert_eq!(numbers(&measurements[0]["q_deg"]).len(), 6);
     assert_eq!(numbers(&measurements[0]["wrench"]).len(), 6);
@@ -127,9 +126,9 @@ fn every_command_prints_its_keys() {
     has(&compensate, &["provenance"]);
     assert_eq!(numbers(&compensate["q_commanded_deg"]).len(), 6);
     // The design page says: deflections of 1.03 mm at the test pose by eq. 2; more with gravity.
-    let uncompensated = compensate["uncompensated_mm"].as_f64().expect("a number");
+    let uncompensated = number(&compensate["uncompensated_mm"]);
     assert!((1.0..1.3).contains(&uncompensated), "{uncompensated}");
-    assert!(compensate["residual_mm"].as_f64().expect("a number") < 0.03);
+    assert!(number(&compensate["residual_mm"]) < 0.03);
 }
 
 /// Results go to stdout, diagnostics to stderr.
@@ -137,30 +136,23 @@ fn every_command_prints_its_keys() {
 fn results_and_diagnostics_do_not_mix() {
     let workplace = measured_and_identified();
     for arguments in ["check s.toml", MEASURE, IDENTIFY, COMPENSATE] {
-        let loud = workplace.run(arguments).ends_with(0);
+        let loud = workplace.done(arguments);
         assert!(
             !loud.stdout.is_empty() && loud.stderr.starts_with("scenario s.toml: "),
             "{loud:#?}"
         );
-        let quiet = workplace.run(&format!("{arguments} --quiet")).ends_with(0);
+        let quiet = workplace.done(&format!("{arguments} --quiet"));
         assert_eq!(quiet.stderr, "");
         let untimed = |outcome: &Outcome| outcome.stdout.split("It took").next().map(str::to_owned);
         assert_eq!(untimed(&quiet), untimed(&loud), "{arguments}");
     }
     // A condition is said even if nothing else is.
-    let outcome = workplace
-        .run("check s.toml --plan plan.csv --quiet")
-        .ends_with(3);
+    let outcome = workplace.doubted("check s.toml --plan plan.csv --quiet");
     assert_eq!(
         outcome.stderr,
         "condition C0102: the plan has 1 violation\n"
     );
-    assert!(
-        outcome
-            .stdout
-            .contains("experiment 2: tool elevation is 30.033 deg"),
-        "{outcome:#?}"
-    );
+    outcome.prints("experiment 2: tool elevation is 30.033 deg");
 }
 
 #[test]
@@ -170,7 +162,7 @@ fn check_tells_a_program_what_is_wrong() {
         "bad.toml",
         scenario_text(FULL).replace("sigma_mm", "sigma_um"),
     );
-    let outcome = workplace.run("check bad.toml --json --quiet").ends_with(1);
+    let outcome = workplace.refused("check bad.toml --json --quiet");
     let json = outcome.json();
     assert_eq!(json["ok"], false);
     assert_eq!(json["provenance"]["scenario"], "bad");
@@ -201,27 +193,21 @@ fn a_files_own_standard_deviations_are_named() {
         own += &format!("{line},{columns}\n");
     }
     workplace.write("m.csv", own);
-    let json = workplace
-        .run(&format!("{IDENTIFY} --json"))
-        .ends_with(0)
-        .json();
-    let of = |json: &Value, key: &str| json[key].as_f64().expect("a number");
+    let json = workplace.done(&format!("{IDENTIFY} --json")).json();
+    let of = |json: &Value, key: &str| number(&json[key]);
     assert!((of(&json, "sigma_mm") - 0.06).abs() < 1e-12, "{json:#}");
     // The residuals are what they were.
     let change = of(&json, "residual_sigma_mm") / of(&plain, "residual_sigma_mm");
     assert!((change - 1.0).abs() < 1e-6, "{change}");
-    let text = workplace.run(IDENTIFY).stdout;
-    assert!(
-        text.contains("sigma 0.0600 mm, from residuals 0.0"),
-        "{text}"
-    );
+    let text = workplace.run(IDENTIFY);
+    text.prints("sigma 0.0600 mm, from residuals 0.0");
 }
 
 #[test]
 fn the_seed_is_all_that_chance_depends_on() {
     let workplace = workplace();
     let measured = |options: &str| {
-        workplace.run(&format!("{MEASURE} {options}")).ends_with(0);
+        workplace.done(&format!("{MEASURE} {options}"));
         workplace.read("m.csv")
     };
     let first = measured("");
@@ -261,12 +247,9 @@ fn threads_change_no_bit() {
 }
 
 fn folder_of_run(workplace: &Workplace) -> Value {
-    let outcome = workplace
-        .run("run s.toml --json --out results")
-        .ends_with(0);
+    let outcome = workplace.done("run s.toml --json --out results");
     let printed = outcome.json();
-    let written: Value =
-        serde_json::from_str(&workplace.read("results/s/results.json")).expect("JSON");
+    let written = workplace.parsed("results/s/results.json");
     assert_eq!(printed, written);
     // As in an identified file, so that it can be a prior.
     assert!(written["identified_with"]["robot_sha256"].is_string());
@@ -296,7 +279,7 @@ fn run_writes_files_that_agree() {
     );
 
     let plan = read_plan(&workplace.path("results/s/plan.csv"), 6).expect("valid");
-    let listed = results["plan"].as_array().expect("an array");
+    let listed = list(&results["plan"]);
     assert_eq!(plan.experiments.len(), listed.len());
     for (experiment, listed) in plan.experiments.iter().zip(listed) {
         let angles = numbers(&listed["q_deg"]);
@@ -311,7 +294,7 @@ fn run_writes_files_that_agree() {
     }
     let path = workplace.path("results/s/measurements.csv");
     let measurements = read_measurements(&path, 6).expect("valid");
-    let listed = results["measurements"].as_array().expect("an array");
+    let listed = list(&results["measurements"]);
     assert_eq!(measurements.len(), 3);
     for (measurement, listed) in measurements.iter().zip(listed) {
         for (value, listed) in measurement
@@ -322,7 +305,7 @@ fn run_writes_files_that_agree() {
             assert!((value * 1e3 - listed).abs() < 1e-12);
         }
     }
-    let names: Vec<_> = (results["plans"].as_array().expect("an array").iter())
+    let names: Vec<_> = (list(&results["plans"]).iter())
         .map(|plan| plan["name"].as_str().expect("a name"))
         .collect();
     assert_eq!(names, ["optimal", "klimchik2012_m3", "random"]);
@@ -358,17 +341,9 @@ fn assert_close(one: &Value, other: &Value, key: &str) {
 fn the_steps_make_the_run() {
     let workplace = workplace();
     let results = folder_of_run(&workplace);
-    workplace
-        .run("measure s.toml --plan results/s/plan.csv --measurements-out m.csv")
-        .ends_with(0);
-    let identified = workplace
-        .run(&format!("{IDENTIFY} --json"))
-        .ends_with(0)
-        .json();
-    let compensated = workplace
-        .run(&format!("{COMPENSATE} --json"))
-        .ends_with(0)
-        .json();
+    workplace.done("measure s.toml --plan results/s/plan.csv --measurements-out m.csv");
+    let identified = workplace.done(&format!("{IDENTIFY} --json")).json();
+    let compensated = workplace.done(&format!("{COMPENSATE} --json")).json();
     for key in [
         "compliance_rad_per_nm",
         "compliance_std_rad_per_nm",
@@ -379,7 +354,7 @@ fn the_steps_make_the_run() {
             let values = if json[key].is_array() {
                 numbers(&json[key])
             } else {
-                vec![json[key].as_f64().expect("a number")]
+                vec![number(&json[key])]
             };
             let unit = if key.ends_with("per_nm") { 1e6 } else { 1.0 };
             serde_json::json!({ key: values.iter().map(|value| value * unit).collect::<Vec<_>>() })
@@ -389,7 +364,7 @@ fn the_steps_make_the_run() {
     for key in ["q_commanded_deg", "uncompensated_mm", "residual_mm"] {
         assert_close(&compensated, &results, key);
     }
-    let written: Value = serde_json::from_str(&workplace.read("i.json")).expect("JSON");
+    let written = workplace.parsed("i.json");
     assert_eq!(written, identified);
 }
 
@@ -397,23 +372,11 @@ fn the_steps_make_the_run() {
 #[test]
 fn works_from_another_folder() {
     let workplace = Workplace::new();
-    let shipped = project("scenarios/klimchik2012.toml");
-    workplace
-        .run(&format!("check {}", shipped.display()))
-        .ends_with(0);
-    let elsewhere = workplace.run("check").ends_with(1);
-    assert!(
-        elsewhere
-            .stderr
-            .contains("error E0601: scenarios/kr270.toml: cannot be read"),
-        "{elsewhere:#?}"
-    );
-    assert!(
-        elsewhere
-            .stderr
-            .contains("hint: give the path of a scenario file"),
-        "{elsewhere:#?}"
-    );
+    let shipped = shipped("scenarios/klimchik2012.toml");
+    workplace.done(&format!("check {shipped}"));
+    let elsewhere = workplace.refused("check");
+    elsewhere.says("error E0601: scenarios/kr270.toml: cannot be read");
+    elsewhere.says("hint: give the path of a scenario file");
     assert_eq!(workplace.listing(), [] as [&str; 0]);
 
     let output = Command::new(env!("CARGO_BIN_EXE_elastocal"))
@@ -432,62 +395,28 @@ fn works_from_another_folder() {
 /// them; by itself it would do so in a file in the working folder.
 #[test]
 fn mujoco_writes_no_file() {
-    let workplace = Workplace::new();
-    workplace.write("twins.xml", crate::identifiability::TWINS);
+    let workplace = Workplace::with("twins.xml", crate::identifiability::TWINS);
     workplace.write("twins.toml", crate::identifiability::TWINS_SCENARIO);
     let before = workplace.listing();
-    let outcome = workplace.run("check twins.toml").ends_with(0);
-    assert!(
-        outcome.stderr.contains("warning: MuJoCo: Inertia matrix"),
-        "{outcome:#?}"
-    );
-    assert_eq!(
-        workplace
-            .run("check twins.toml --quiet")
-            .ends_with(0)
-            .stderr,
-        ""
-    );
+    let outcome = workplace.done("check twins.toml");
+    outcome.says("warning: MuJoCo: Inertia matrix");
+    assert_eq!(workplace.done("check twins.toml --quiet").stderr, "");
     assert_eq!(workplace.listing(), before);
-}
-
-/// `elastocal ... | head` is no error.
-#[test]
-#[cfg(unix)]
-fn a_reader_may_stop_reading() {
-    let workplace = workplace();
-    let script = format!(
-        "set -o pipefail; {} measure s.toml --plan plan.csv --json --quiet | true",
-        env!("CARGO_BIN_EXE_elastocal")
-    );
-    let output = Command::new("bash")
-        .args(["-c", &script])
-        .current_dir(workplace.path(""))
-        .output()
-        .expect("bash starts");
-    assert!(
-        output.status.success() && output.stderr.is_empty(),
-        "{output:?}"
-    );
 }
 
 #[test]
 fn budget_says_how_many_measurements_are_needed() {
     let place = Workplace::new();
-    let scenario = project("scenarios/klimchik2012.toml");
-    let arguments = format!(
-        "budget {} --up-to 4 --accuracy-um 7 --plot-out plot.svg --json --quiet",
-        scenario.display()
-    );
-    let json = place.run(&arguments).ends_with(0).json();
-    let points = json["budget"].as_array().expect("an array");
+    let scenario = shipped("scenarios/klimchik2012.toml");
+    let arguments =
+        format!("budget {scenario} --up-to 4 --accuracy-um 7 --plot-out plot.svg --json --quiet");
+    let json = place.done(&arguments).json();
+    let points = list(&json["budget"]);
     let rho0 = |m: u64, c: u64| {
         let point = points.iter().find(|point| {
             point["experiments"].as_u64() == Some(m) && point["configurations"].as_u64() == Some(c)
         });
-        point.expect("there is")["rho0_mm"]
-            .as_f64()
-            .expect("a number")
+        number(&point.expect("there is")["rho0_mm"])
     };
     // More measurements tell more, and so do more configurations.
     assert!(rho0(3, 3) < rho0(2, 2) && rho0(4, 4) < rho0(3, 3));
@@ -498,7 +427,7 @@ fn budget_says_how_many_measurements_are_needed() {
     place.write("two.toml", text);
     let planned = place.json("plan two.toml --no-proof")["rho0_mm"].clone();
     let two = place.json("budget two.toml --up-to 2 --no-proof --allow C0107");
-    let found = two["budget"][0]["rho0_mm"].as_f64().expect("a number");
+    let found = number(&two["budget"][0]["rho0_mm"]);
     assert!(
         found <= planned.as_f64().expect("a number") * (1.0 + 1e-9),
         "{two} {planned}"
@@ -508,7 +437,7 @@ fn budget_says_how_many_measurements_are_needed() {
     assert!(plot.contains(">needed<"));
     crate::browser::plot_looks_well(&place.path("plot.svg"));
     let arguments = arguments.replace("--accuracy-um 7", "--accuracy-um 1");
-    let outcome = place.run(&arguments).ends_with(3);
+    let outcome = place.doubted(&arguments);
     assert!(outcome.json()["needed"].is_null());
     outcome.says("condition C0107: no plan of up to 4 measurements reaches 1 um\n");
 }
@@ -520,7 +449,5 @@ fn one_measurement_is_a_plan_where_the_rest_is_known() {
     let text = scenario_text("kr270").replace("experiments = 3", "experiments = 1");
     let end = text.find("[[plan]]").expect("plans");
     workplace.write("s.toml", &text[..end]);
-    workplace
-        .run("plan s.toml --no-proof --quiet --plan-out p.csv")
-        .ends_with(0);
+    workplace.done("plan s.toml --no-proof --quiet --plan-out p.csv");
 }

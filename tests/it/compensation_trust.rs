@@ -9,19 +9,16 @@ use elastocal::testbed::TrueRobots;
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value, json};
 
-use crate::support::{Outcome, Workplace, number, numbers, scenario, scenario_text, table4};
+use crate::support::{
+    Outcome, Workplace, number, numbers, scenario, scenario_text, table4, with_numbers,
+};
 
 /// The paper's scenario, and what was identified under it.
 fn identified() -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    elastocal::plan::write_plan(&workplace.path("p.csv"), 6, &table4(4)).expect("can be written");
-    workplace
-        .run("measure s.toml --plan p.csv --measurements-out m.csv")
-        .ends_with(0);
-    workplace
-        .run("identify s.toml --measurements m.csv --identified-out i.json")
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    workplace.write_plan("p.csv", 6, &table4(4));
+    workplace.done("measure s.toml --plan p.csv --measurements-out m.csv");
+    workplace.done("identify s.toml --measurements m.csv --identified-out i.json");
     workplace
 }
 
@@ -33,7 +30,7 @@ fn compensate(workplace: &Workplace, code: i32) -> Outcome {
 
 /// Changes the identified file.
 fn edit(workplace: &Workplace, change: impl FnOnce(&mut Value)) {
-    let mut json: Value = serde_json::from_str(&workplace.read("i.json")).expect("JSON");
+    let mut json = workplace.parsed("i.json");
     change(&mut json);
     workplace.write("i.json", json.to_string());
 }
@@ -89,15 +86,9 @@ fn another_robots_file_is_refused() {
         ".",
     );
     let outcome = compensate(&workplace, 1);
-    assert!(
-        outcome
-            .stderr
-            .contains("i.json: identified_with.robot_sha256: was identified with another robot"),
-        "{outcome:#?}"
-    );
-    assert!(
-        outcome.stderr.contains("hint: ") && outcome.stderr.contains("--identified-out i.json")
-    );
+    outcome.says("i.json: identified_with.robot_sha256: was identified with another robot");
+    outcome.says("hint: ");
+    outcome.says("--identified-out i.json");
     assert_eq!(outcome.stdout, "");
 }
 
@@ -117,12 +108,7 @@ fn what_it_was_identified_under_must_still_be_believed() {
         let workplace = identified();
         replace(&workplace, from, to);
         let outcome = compensate(&workplace, 3);
-        assert!(
-            outcome
-                .stderr
-                .contains("condition C0307: i.json was identified under another scenario"),
-            "{outcome:#?}"
-        );
+        outcome.says("condition C0307: i.json was identified under another scenario");
     }
 }
 
@@ -137,12 +123,7 @@ fn files_that_do_not_say_what_they_rest_on_are_read() {
         }
     });
     let outcome = compensate(&workplace, 3);
-    assert!(
-        outcome
-            .stderr
-            .contains("condition C0308: i.json does not say with which robot"),
-        "{outcome:#?}"
-    );
+    outcome.says("condition C0308: i.json does not say with which robot");
     let old = outcome.json();
     assert_eq!(old["q_commanded_deg"], new["q_commanded_deg"]);
     assert_eq!(old["rho0_mm"], new["rho0_mm"]);
@@ -165,11 +146,10 @@ fn doubts_of_the_identification_are_repeated() {
     replace(&workplace, "sigma_mm = 0.03", "sigma_mm = 0.003");
     // What the model leaves is not counted.
     let identify = "identify s.toml --measurements m.csv --identified-out i.json --noise-only";
-    let identify = workplace.run(identify).ends_with(3);
-    assert!(identify.stderr.contains("residuals too large"));
+    workplace.doubted(identify).says("residuals too large");
     let outcome = compensate(&workplace, 3);
     let condition = "condition C0205: the identification in i.json: residuals too large";
-    assert!(outcome.stderr.contains(condition), "{outcome:#?}");
+    outcome.says(condition);
 }
 
 /// A compliance that scatters below zero is none: the nominal one is compensated with and exported, and all else that is
@@ -196,7 +176,7 @@ fn a_negative_compliance_is_not_compensated_with() {
     });
     let outcome = compensate(&workplace, 3);
     let said = "the identified compliance of joint_3 is -1.000e-7 rad/(N m), which no joint has: replaced by the nominal value";
-    assert!(outcome.stderr.contains(said), "{outcome:#?}");
+    outcome.says(said);
     let found = outcome.json();
     for (one, other) in numbers(&found["q_commanded_deg"])
         .iter()
@@ -212,9 +192,7 @@ fn a_negative_compliance_is_not_compensated_with() {
         (predicted / expected - 1.0).abs() < 0.01 && predicted > 3.0 * own,
         "{predicted} {expected} {own}"
     );
-    workplace
-        .run("export s.toml --identified i.json --model-out o.xml --quiet")
-        .ends_with(3);
+    workplace.doubted("export s.toml --identified i.json --model-out o.xml --quiet");
 }
 
 /// By the logarithm of a compliance that is twice the nominal one, a test pose errs twice as much.
@@ -224,7 +202,7 @@ fn accuracy_is_predicted_at_what_was_identified() {
     let source =
         "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_1\"]\nstd_relative = 0.3\n";
     place.write("s.toml", scenario_text("klimchik2012") + source);
-    let Scenario { task, truth, .. } = Scenario::load(&place.path("s.toml")).expect("valid");
+    let Scenario { task, truth, .. } = place.scenario("s.toml");
     let mut robots = TrueRobots::new(&task.belief, &truth).expect("robots");
     let last = task.belief.unknowns() - 1;
     let [one, two] = [0.0, 2.0_f64.ln()].map(|value| {
@@ -259,7 +237,7 @@ fn a_negative_value_that_stands_in_is_said() {
     });
     let outcome = compensate(&workplace, 3);
     let condition = "condition C0202: the compliance of joint_6 is negative";
-    assert!(outcome.stderr.contains(condition), "{outcome:#?}");
+    outcome.says(condition);
 }
 
 /// One number that somebody altered contradicts another, and is refused by key.
@@ -307,14 +285,8 @@ fn an_altered_number_is_an_error() {
             };
         });
         let outcome = compensate(&workplace, 1);
-        assert!(
-            outcome.stderr.contains(&format!("i.json: {place}: found ")),
-            "{outcome:#?}"
-        );
-        assert!(
-            outcome.stderr.contains("the file was altered"),
-            "{outcome:#?}"
-        );
+        outcome.says(&format!("i.json: {place}: found "));
+        outcome.says("the file was altered");
     }
 }
 
@@ -331,10 +303,8 @@ fn a_damaged_subspace_is_an_error() {
         });
         let outcome = compensate(&workplace, 1);
         let place = "i.json: undetermined_directions: ";
-        assert!(
-            outcome.stderr.contains(place) && outcome.stderr.contains(problem),
-            "{outcome:#?}"
-        );
+        outcome.says(place);
+        outcome.says(problem);
     }
 }
 
@@ -378,39 +348,15 @@ fn angles_beyond_the_limits_are_named() {
 #[test]
 fn residuals_can_be_too_small() {
     let workplace = identified();
-    let text = workplace.read("m.csv");
-    // Above the header a comment tells the scenario.
-    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
-    let header = lines.next().expect("a header");
-    let deflections: Vec<usize> = (header.split(',').enumerate())
-        .filter(|(_, name)| ["dx_mm", "dy_mm", "dz_mm"].contains(name))
-        .map(|(index, _)| index)
-        .collect();
-    assert_eq!(deflections.len(), 3);
-    let mut in_metres = header.to_owned() + "\n";
-    for line in lines {
-        let scaled = line.split(',').enumerate().map(|(index, field)| {
-            let number: f64 = field.parse().expect("a number");
-            if deflections.contains(&index) {
-                (number * 1e-3).to_string()
-            } else {
-                field.to_owned()
-            }
-        });
-        in_metres += &(scaled.collect::<Vec<_>>().join(",") + "\n");
-    }
+    let columns = ["dx_mm", "dy_mm", "dz_mm"];
+    let in_metres = with_numbers(&workplace.read("m.csv"), &columns, |number| number * 1e-3);
     workplace.write("m.csv", in_metres);
     for method in ["linear", "nonlinear"] {
         let identify = format!(
             "identify s.toml --measurements m.csv --method {method} --identified-out i.json --json --quiet"
         );
-        let outcome = workplace.run(&identify).ends_with(3);
-        assert!(
-            outcome
-                .stderr
-                .contains("condition C0206: residuals too small for sigma = 0.0300 mm"),
-            "{outcome:#?}"
-        );
+        let outcome = workplace.doubted(&identify);
+        outcome.says("condition C0206: residuals too small for sigma = 0.0300 mm");
         let json = outcome.json();
         let probability = |key: &str| json[key].as_f64().expect("a number");
         assert!(probability("consistency_lower") < 1e-4);

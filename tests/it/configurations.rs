@@ -9,7 +9,7 @@ use elastocal::numeric::random::streams::Stream;
 use elastocal::observation::{NOTHING_READ, PlannedReadings};
 use elastocal::parameter::{ParameterKind, ReadingSource, Unloaded};
 use elastocal::plan::search::{Bound, NoBound};
-use elastocal::plan::{Assessment, Experiment, Plan, posterior, write_plan};
+use elastocal::plan::{Assessment, Experiment, Plan, posterior};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;
@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix6xX, Vector3};
 use serde_json::Value;
 
 use crate::repeats::{deflection, linear_equations};
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{Workplace, list, scenario_text, table4};
 use crate::uncertainties::assert_holds;
 
 const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.04\n";
@@ -61,14 +61,14 @@ fn two_loads() -> Plan {
 
 fn place(unloaded: &str, uncertainties: &str, level: &str, trials: u32) -> Workplace {
     let place = Workplace::new();
-    write_plan(&place.path("plan.csv"), 6, &two_loads()).expect("written");
+    place.write_plan("plan.csv", 6, &two_loads());
     place.write("s.toml", several(unloaded, uncertainties, level, trials));
     place
 }
 
 fn loaded(unloaded: &str, uncertainties: &str) -> Scenario {
     let place = place(unloaded, uncertainties, "model", 64);
-    Scenario::load(&place.path("s.toml")).expect("the scenario is valid")
+    place.scenario("s.toml")
 }
 
 fn number(value: &Value, key: &str) -> f64 {
@@ -158,7 +158,7 @@ fn rms_mm(account: &Account) -> f64 {
 fn hidden_errors_of_configurations_leave_what_the_account_says() {
     for source in [MISFIT, GEARS] {
         let place = place("own", &format!("{source}hidden = true\n"), "model", 20_000);
-        let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+        let scenario = place.scenario("s.toml");
         let account = Account::new(&scenario.task, &scenario.truth, &two_loads());
         let expected_mm = rms_mm(&account.expect("it is determined"));
         let plan = place.json("study s.toml")["plans"][0].clone();
@@ -350,11 +350,8 @@ fn no_bound_speaks_about_several_loads_that_share_errors() {
     mandatory.design.mandatory = plan.clone();
     assert!(Bound::search(&mandatory, 1).of_size(20).is_err());
     let place = place("shared", "", "model", 64);
-    let told = place
-        .run("evaluate s.toml --plan plan.csv --no-proof")
-        .ends_with(0)
-        .stdout;
-    assert!(told.contains("one load in each configuration"), "{told}");
+    let told = place.done("evaluate s.toml --plan plan.csv --no-proof");
+    told.prints("one load in each configuration");
 }
 
 /// Of a list of candidates the best plan is found where loads of one configuration share errors, and it predicts what it is
@@ -363,8 +360,8 @@ fn no_bound_speaks_about_several_loads_that_share_errors() {
 fn candidates_of_one_configuration_are_weighed_together() {
     let place = place("shared", MISFIT, "model", 64);
     let rows = two_loads().experiments;
-    write_plan(
-        &place.path("candidates.csv"),
+    place.write_plan(
+        "candidates.csv",
         6,
         &Plan {
             experiments: rows
@@ -375,15 +372,14 @@ fn candidates_of_one_configuration_are_weighed_together() {
                 })
                 .collect(),
         },
-    )
-    .expect("written");
+    );
     let planned =
         place.json("plan s.toml --candidates candidates.csv --experiments 4 --plan-out found.csv");
     let judged = place.json("evaluate s.toml --plan found.csv --no-proof");
     let found = number(&planned, "rho0_mm");
     assert!((found / number(&judged, "rho0_mm") - 1.0).abs() < 1e-9);
     // All plans of four of the eight.
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let scenario = place.scenario("s.toml");
     let mut best = f64::INFINITY;
     for choice in 0_u32..256 {
         if choice.count_ones() != 4 {
@@ -431,16 +427,14 @@ fn the_laboratory_reads_each_configuration_once_without_a_load() {
     assert_eq!(unloaded, ["1,1", "2,1", "3,1", "4,1"]);
     let readings = |text: &str| -> u64 {
         let sheet: Value = serde_json::from_str(text).expect("a record");
-        let stops = sheet["stops"].as_array().expect("stops").iter();
+        let stops = list(&sheet["stops"]).iter();
         stops
             .map(|stop| stop["readings"].as_u64().expect("a number"))
             .sum()
     };
     assert_eq!(readings(&place.read("out/s/lab/campaign.json")), 4 + 12);
 
-    place
-        .run("measure s.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure s.toml --plan plan.csv --measurements-out m.csv --quiet");
     let measured: Vec<(String, [f64; 3])> = (place.read("m.csv").lines())
         .filter(|line| line.starts_with(|first: char| first.is_ascii_digit() || first == '-'))
         .map(|line| {

@@ -6,7 +6,7 @@ use elastocal::plan::{Assessment, Criterion, CriterionFunction, Plan};
 use nalgebra::{DMatrix, DVector};
 
 use crate::planning::{OPTIMISED, assert_close, exact};
-use crate::support::{Workplace, leave_open, project, scenario, scenario_text};
+use crate::support::{Workplace, assert_has, leave_open, project, scenario, scenario_text};
 
 /// How good a value is beside a bound: 1 or less.
 fn efficiency(criterion: Criterion, value: f64, best: f64) -> f64 {
@@ -156,8 +156,8 @@ fn each_criterion_is_bounded_optimised_or_refused_in_words() {
             "plan {} --experiments 3 --criterion {criterion} --quiet --plan-out plan.csv",
             scenario.display()
         );
-        let told = place.run(&arguments).ends_with(0).stdout;
-        assert!(told.contains("bounds of rho0 alone are proved"), "{told}");
+        let told = place.done(&arguments);
+        told.prints("bounds of rho0 alone are proved");
         let json = place.run(&(arguments + " --json")).json();
         assert_eq!(json["bound_kind"], "evidence", "{criterion}");
         assert!(json["proof"].is_null() && json["proved_criterion_bound"].is_null());
@@ -176,10 +176,10 @@ fn each_criterion_is_bounded_optimised_or_refused_in_words() {
         scenario_text("spatial_3r")
             + "\n[[study.plan]]\nname = \"one\"\nkind = \"optimal\"\ncriterion = \"g\"\n",
     );
-    let refused = place.run("study study.toml --quiet").ends_with(1);
+    let refused = place.refused("study study.toml --quiet");
     let key = "].criterion";
-    assert!(refused.stderr.contains("for g, choose from candidates"));
-    assert!(refused.stderr.contains(key), "{}", refused.stderr);
+    refused.says("for g, choose from candidates");
+    refused.says(key);
     for criterion in ["e", "g", "o2", "o3", "o4", "o5"] {
         let name = scenario.display();
         let refused = place.run(&format!("plan {name} --criterion {criterion} --quiet"));
@@ -187,18 +187,15 @@ fn each_criterion_is_bounded_optimised_or_refused_in_words() {
         assert!(refused.ends_with(1).stderr.contains(&words), "{criterion}");
         let evaluate =
             format!("evaluate {name} --plan plan.csv --criterion {criterion} --quiet --json");
-        let json = place.run(&evaluate).ends_with(0).json();
+        let json = place.done(&evaluate).json();
         assert!(json["criteria"][criterion].as_f64().is_some());
         assert!(json["criterion_bound"].is_null() && json["bound_kind"].is_null());
         let told = json["no_bound_reason"].as_str().expect("a reason");
-        assert!(
-            told.contains("plans are optimised and bounded by"),
-            "{told}"
-        );
+        assert_has(told, "plans are optimised and bounded by");
         let chosen = format!(
             "plan {name} --criterion {criterion} --candidates candidates.csv --experiments 3 --quiet --json"
         );
-        let json = place.run(&chosen).ends_with(0).json();
+        let json = place.done(&chosen).json();
         assert!(json["criteria"][criterion].as_f64().is_some());
         let told = json["no_bound_reason"].as_str().expect("a reason");
         assert!(told.contains(&format!("and not by {criterion}")), "{told}");

@@ -4,9 +4,7 @@
 use elastocal::calibration::calibrate;
 use elastocal::identification::Sigma;
 use elastocal::numeric::estimable::Estimable;
-use elastocal::plan::search::{
-    PlanSize, Problem, SearchError, Watch, approximate_design, exact_design,
-};
+use elastocal::plan::search::{PlanSize, Problem, SearchError, approximate_design, exact_design};
 use elastocal::plan::{Assessment, Criterion, Experiment, Plan, posterior};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -15,10 +13,12 @@ use elastocal::study::{Entry, Level};
 use elastocal::task::Method;
 use nalgebra::{DMatrix, dvector};
 use serde_json::Value;
-use std::sync::atomic::AtomicBool;
 
 use crate::identifiability::{TWINS, TWINS_SCENARIO};
-use crate::support::{Outcome, Workplace, leave_open, project, scenario_text};
+use crate::support::{
+    Outcome, Workplace, assert_alike, assert_near_in, leave_open, list, project, scenario_text,
+    unwatched,
+};
 
 /// The paper's robot with the reflector where the tool machines, on axis 6: no weight turns joint 6.
 fn reflector_on_axis_6(workplace: &Workplace) {
@@ -99,7 +99,7 @@ fn named(outcome: &Outcome) -> Vec<String> {
 }
 
 fn null_entries(json: &Value, key: &str) -> Vec<usize> {
-    let values = json[key].as_array().expect("an array");
+    let values = list(&json[key]);
     (0..values.len())
         .filter(|&index| values[index].is_null())
         .collect()
@@ -149,9 +149,7 @@ fn evaluated(case: &Case) -> (Workplace, Option<f64>) {
     let workplace = Workplace::new();
     (case.set_up)(&workplace);
 
-    let evaluated = workplace
-        .run("evaluate s.toml --plan p.csv --json --quiet")
-        .ends_with(3);
+    let evaluated = workplace.doubted("evaluate s.toml --plan p.csv --json --quiet");
     assert_eq!(named(&evaluated), case.joints);
     let json = evaluated.json();
     assert_eq!(
@@ -171,13 +169,10 @@ fn evaluated(case: &Case) -> (Workplace, Option<f64>) {
 fn the_steps_name_what_the_plan_does_not_determine() {
     for case in &CASES {
         let (workplace, predicted) = evaluated(case);
-        workplace
-            .run("measure s.toml --plan p.csv --measurements-out m.csv")
-            .ends_with(0);
+        workplace.done("measure s.toml --plan p.csv --measurements-out m.csv");
         for method in ["linear", "nonlinear"] {
             let identified = workplace
-                .run(&format!("identify s.toml --measurements m.csv --method {method} --identified-out i.json --json --quiet"))
-                .ends_with(3);
+                .doubted(&format!("identify s.toml --measurements m.csv --method {method} --identified-out i.json --json --quiet"));
             assert_eq!(named(&identified), case.joints);
             let json = identified.json();
             assert_eq!(null_entries(&json, "compliance_rad_per_nm"), case.places);
@@ -189,10 +184,7 @@ fn the_steps_name_what_the_plan_does_not_determine() {
             let found = rho0(&compensated.json());
             match (found, predicted) {
                 (Some(found), Some(predicted)) => {
-                    assert!(
-                        (found / predicted - 1.0).abs() < 0.05,
-                        "{found}, {predicted}"
-                    );
+                    assert_alike(found, predicted, 0.05);
                     let left = compensated.json()["residual_mm"]
                         .as_f64()
                         .expect("a number");
@@ -214,11 +206,7 @@ fn studies_count_what_the_plan_determines() {
             ));
             if case.is_needed {
                 let study = study.ends_with(1);
-                assert!(
-                    study
-                        .stderr
-                        .contains("do not determine the compliances that the test poses need")
-                );
+                study.says("do not determine the compliances that the test poses need");
                 continue;
             }
             let json = study.ends_with(0).json();
@@ -269,9 +257,7 @@ fn designs_name_what_no_plan_determines() {
                 "{problem}"
             );
         }
-        let planned = workplace
-            .run("plan s.toml --criterion a --quiet")
-            .ends_with(1);
+        let planned = workplace.refused("plan s.toml --criterion a --quiet");
         assert!(
             case.joints
                 .iter()
@@ -281,7 +267,7 @@ fn designs_name_what_no_plan_determines() {
 }
 
 fn load(workplace: &Workplace) -> Scenario {
-    Scenario::load(&workplace.path("s.toml")).expect("valid")
+    workplace.scenario("s.toml")
 }
 
 /// Joint 6 left out of the parameters is the same problem: the prediction has the same number.
@@ -307,8 +293,7 @@ fn the_number_is_that_of_the_problem_without_the_undetermined_joint() {
 /// prediction, the same compensation.
 #[test]
 fn a_determined_sum_is_as_good_as_one_joint() {
-    let workplace = Workplace::new();
-    workplace.write("twins.xml", TWINS);
+    let workplace = Workplace::with("twins.xml", TWINS);
     workplace.write("s.toml", TWINS_SCENARIO);
     let twins = load(&workplace);
     let one_joint = TWINS.replace("    <joint name=\"second\" axis=\"0 1 0\"/>\n", "");
@@ -325,20 +310,14 @@ fn a_determined_sum_is_as_good_as_one_joint() {
         let mut problem = Problem::new(&scenario.task, Criterion::TestPose);
         problem.effort.searches = 16;
         let bound = approximate_design(&problem, 1).expect("feasible");
-        let watch = Watch {
-            stop: &AtomicBool::new(false),
-            progress: &|_, _, _| {},
-        };
+        let watch = unwatched();
         let exact = exact_design(&problem, &bound, PlanSize::all_different(3), 1, watch, &[])
             .expect("determined");
         (exact.cost.sqrt(), exact.plan)
     };
     let (of_twins, plan) = best(&twins);
     let (of_single, _) = best(&single);
-    assert!(
-        (of_twins / of_single - 1.0).abs() < 1e-3,
-        "{of_twins}, {of_single}"
-    );
+    assert_alike(of_twins, of_single, 1e-3);
 
     let shown = calibrate(&twins.task, &twins.truth, &plan, twins.seed, 0).expect("works");
     assert_eq!(shown.identification.unidentifiable(), ["first", "second"]);
@@ -355,10 +334,7 @@ fn a_determined_sum_is_as_good_as_one_joint() {
     assert!((predicted / of_twins - 1.0).abs() < 0.05);
     assert!(shown.poses[0].seen.residual_m.norm() < 5.0 * predicted);
     let wanted = Problem::new(&twins.task, Criterion::D);
-    let watch = Watch {
-        stop: &AtomicBool::new(false),
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let bound =
         approximate_design(&Problem::new(&twins.task, Criterion::TestPose), 1).expect("feasible");
     let joints = vec!["first".to_owned(), "second".to_owned()];
@@ -431,8 +407,7 @@ fn a_direction_that_hardly_shows_does_not_run_away() {
 #[test]
 fn a_nominal_compliance_of_zero_is_a_fine_start() {
     for (nominal, joints) in [(0.0, 2..3), (1e-15, 2..3), (1e-9, 2..3), (0.0, 0..6)] {
-        let workplace = Workplace::new();
-        workplace.write("s.toml", scenario_text("klimchik2012"));
+        let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
         let mut scenario = load(&workplace);
         for joint in joints {
             scenario.task.belief.nominal.compliance_rad_per_nm[joint] = nominal;
@@ -450,10 +425,7 @@ fn a_nominal_compliance_of_zero_is_a_fine_start() {
         for parameter in &shown.parameters {
             let found = parameter.estimate.expect("determined");
             let truth = scenario.truth.robot.compliance_rad_per_nm[parameter.joint];
-            assert!(
-                (found.value - truth).abs() < 5.0 * found.standard_error,
-                "{parameter:?}"
-            );
+            assert_near_in(&parameter, found.value, truth, 5.0 * found.standard_error);
         }
     }
 }
@@ -522,14 +494,10 @@ fn a_comparison_that_fails_does_not_undo_the_run() {
     let header = "q1_deg,q2_deg,q3_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n";
     workplace.write("heavy.csv", format!("{header}10,20,30,0,0,-9e7,0,0,0,3\n"));
     // The plan's load is none of the scenario's, which is a condition that does not hold.
-    let run = workplace.run("run s.toml --json --quiet").ends_with(3);
-    assert!(
-        run.stderr
-            .contains("the plan \"heavy\" cannot be compared: "),
-        "{run:#?}"
-    );
+    let run = workplace.doubted("run s.toml --json --quiet");
+    run.says("the plan \"heavy\" cannot be compared: ");
     let json = run.json();
-    let entry = (json["plans"].as_array().expect("an array").iter())
+    let entry = (list(&json["plans"]).iter())
         .find(|plan| plan["name"] == "heavy")
         .expect("it has an entry");
     assert!(
@@ -539,7 +507,5 @@ fn a_comparison_that_fails_does_not_undo_the_run() {
             .contains("equilibrium")
     );
     assert!(workplace.path("out/s/report.html").exists());
-    workplace
-        .run("compare out/s/results.json out/s/results.json")
-        .ends_with(0);
+    workplace.done("compare out/s/results.json out/s/results.json");
 }

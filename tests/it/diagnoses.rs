@@ -7,7 +7,7 @@ use elastocal::identification::input_errors::{
 };
 use elastocal::identification::{Case, Sigma, residuals};
 use elastocal::measurement::{Measurement, deflection_table};
-use elastocal::plan::{Experiment, Plan};
+use elastocal::plan::Plan;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
@@ -15,7 +15,9 @@ use elastocal::testbed::{VirtualRobot, add_noise_of};
 use nalgebra::{DVector, Matrix3, Rotation3, Unit, Vector3};
 
 use crate::recovery::differing;
-use crate::support::{Workplace, leave_open, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_near, experiment, leave_open, scenario_text, state_at, table4,
+};
 
 /// Angles and pulls of every kind, for an arm of n joints.
 fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
@@ -31,13 +33,10 @@ fn varied(scenario: &Scenario, experiments: usize, force_n: f64) -> Plan {
         });
         let direction = Vector3::from_fn(|axis, _| share(index, 20 + 7 * axis) - 0.5).normalize();
         let force = direction * force_n;
-        Experiment {
-            configuration_rad: DVector::from_iterator(scenario.task.belief.joints(), angles),
-            load: Load::force(force.x, force.y, force.z),
-            repeats: 1,
-            approach: None,
-            direction: None,
-        }
+        experiment(
+            DVector::from_iterator(scenario.task.belief.joints(), angles),
+            Load::force(force.x, force.y, force.z),
+        )
     };
     Plan {
         experiments: (0..experiments).map(experiment).collect(),
@@ -96,13 +95,7 @@ fn turned_frame() -> Matrix3<f64> {
 const QUARTER: Matrix3<f64> = Matrix3::new(0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0);
 
 fn tool_axes(scenario: &Scenario, each: &Measurement) -> Matrix3<f64> {
-    let arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
-    arm.state(each.configuration_rad.as_slice()).tool_rotation
+    state_at(scenario, &each.configuration_rad).tool_rotation
 }
 
 /// Each mistake, what it is diagnosed as, and words of the message.
@@ -393,10 +386,7 @@ fn the_distance_is_what_leaving_out_gains() {
                 };
                 let gain = (of_all - squares(&without.residuals_m)) / variance;
                 let square = each.distance.powi(2);
-                assert!(
-                    (square - gain).abs() < 1e-6 * gain.max(1.0),
-                    "{square}, {gain}"
-                );
+                assert_near(square, gain, 1e-6 * gain.max(1.0));
                 assert_eq!(each.freedom, 3);
             }
         }
@@ -445,8 +435,7 @@ fn without_spare_measurements_nothing_is_judged() {
 /// From outside: conditions, exit code, JSON, and words on the wrong reading.
 #[test]
 fn identify_says_what_is_wrong() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let (scenario, plan) = &arms()[0];
     let honest = measured(scenario, plan, 12);
     let write = |measurements: &[Measurement]| {
@@ -457,17 +446,16 @@ fn identify_says_what_is_wrong() {
     let identify = "identify s.toml --measurements m.csv --identified-out i.json";
 
     write(&honest);
-    let fine = workplace.run(identify).ends_with(0);
-    assert!(fine.stdout.contains("(6 more fit better)"), "{fine:#?}");
+    workplace.done(identify).prints("(6 more fit better)");
 
     let mut kilograms = honest.clone();
     for each in &mut kilograms {
         each.load = each.load.scaled(1.0 / 9.81);
     }
     write(&kilograms);
-    let outcome = workplace.run(&format!("{identify} --json")).ends_with(3);
+    let outcome = workplace.doubted(&format!("{identify} --json"));
     let says = "condition C0210: likely input error: are the loads in kg instead of N? Multiply fx_n to tz_nm by 9.81";
-    assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    outcome.says(says);
     let diagnosis = &outcome.json()["diagnoses"][0];
     assert_eq!(diagnosis["kind"], "load_unit");
     assert!(diagnosis["log_evidence_ratio"].as_f64() > Some(13.8));
@@ -475,20 +463,14 @@ fn identify_says_what_is_wrong() {
     let mut wrong = honest;
     wrong[7].deflection_m.y += 0.6e-3;
     write(&wrong);
-    let outcome = workplace.run(identify).ends_with(3);
-    assert!(outcome.stdout.contains("8 (left out)"), "{outcome:#?}");
-    assert!(
-        !outcome.stderr.contains("likely input error"),
-        "{outcome:#?}"
-    );
+    let outcome = workplace.doubted(identify);
+    outcome.prints("8 (left out)");
+    outcome.does_not_say("likely input error");
     let identify = &format!("{identify} --keep-all");
-    let outcome = workplace.run(identify).ends_with(0);
+    let outcome = workplace.done(identify);
     let note = "note: residuals too large";
-    assert!(outcome.stdout.contains(note), "{outcome:#?}");
-    assert!(
-        !outcome.stderr.contains("likely input error"),
-        "{outcome:#?}"
-    );
+    outcome.prints(note);
+    outcome.does_not_say("likely input error");
     let json = workplace.run(&format!("{identify} --json")).json();
     assert_eq!(json["residuals"].as_array().map(Vec::len), Some(12));
     assert_eq!(json["residuals"][7]["degrees_of_freedom"], 3);
@@ -500,7 +482,7 @@ fn identify_says_what_is_wrong() {
         each.deflection_m *= 1e3;
     }
     write(&micrometres);
-    let outcome = workplace.run(identify).ends_with(1);
+    let outcome = workplace.refused(identify);
     let says = "hint: likely input error: are the deflections in um instead of mm?";
-    assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    outcome.says(says);
 }

@@ -9,7 +9,7 @@ use nalgebra::Vector3;
 use serde_json::Value;
 
 use crate::proofs::{checked, python};
-use crate::support::{Workplace, numbers, project, table4};
+use crate::support::{Workplace, assert_near_in, numbers, project, shipped, table4};
 use crate::uncertainties::{assert_holds, entry, loaded, study, with};
 
 pub const FORCE: &str = "force_n = [0, 280, -180]";
@@ -49,8 +49,7 @@ fn squares_along_axes_add_up() {
 /// A file of test poses has no directions: it does not take the place of poses that have one in silence.
 #[test]
 fn files_of_test_poses_drop_no_direction() {
-    let place = Workplace::new();
-    place.write(
+    let place = Workplace::with(
         "path.csv",
         "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg\n0,-90,90,0,30,0\n",
     );
@@ -164,10 +163,7 @@ fn predictions_along_a_direction_hold() {
         let plan = study(&pose(FORCE, direction, "", level, trials));
         let (rms, predicted) = (number(&plan, "rms_mm"), number(&plan, "predicted_rms_mm"));
         let room = 3.0 * number(&plan, "rms_std_mm") + 0.02 * predicted;
-        assert!(
-            (rms - predicted).abs() < room,
-            "{level}: {rms}, {predicted}"
-        );
+        assert_near_in(&level, rms, predicted, room);
         let scenario = loaded(&pose(FORCE, direction, "", level, trials));
         assert!((predicted / (rho0_m(&scenario) * 1e3) - 1.0).abs() < 1e-9);
         let list = entry(("load_scale", "std_relative = 0.01"), "")
@@ -185,8 +181,7 @@ fn predictions_along_a_direction_hold() {
 /// A plan for a direction is better along it than one for all, keeps its bound, and the proof holds for another program.
 #[test]
 fn plans_are_made_for_the_direction() {
-    let place = Workplace::new();
-    place.write("all.toml", along(""));
+    let place = Workplace::with("all.toml", along(""));
     place.write("along.toml", along("direction = [0, 0, 1]"));
     let run = |arguments: &str| place.json(arguments);
     run("plan all.toml --experiments 3 --no-proof --plan-out all.csv");
@@ -198,17 +193,12 @@ fn plans_are_made_for_the_direction() {
     assert!(number(&best["efficiency"]) > 0.9, "{best}");
     let proved = number(&best["proved_lower_bound_rho0_mm"]);
     assert!(proved > 0.7 * number(&best["rho0_mm"]) && proved <= number(&best["rho0_mm"]));
-    let text = place
-        .run("evaluate along.toml --plan all.csv --no-proof --quiet")
-        .stdout;
-    assert!(
-        text.contains("um at the test pose along its direction"),
-        "{text}"
-    );
+    let text = place.run("evaluate along.toml --plan all.csv --no-proof --quiet");
+    text.prints("um at the test pose along its direction");
     let Some(python) = python() else { return };
     let check = |name: &str| checked(&python, &place.path(name)).0;
     assert_eq!(check("proof.json"), Some(0));
-    let mut file: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let mut file = place.parsed("proof.json");
     file["targets"][0]["direction"][2] = serde_json::json!(2.0);
     place.write("tampered.json", file.to_string());
     assert_ne!(check("tampered.json"), Some(0));
@@ -217,13 +207,11 @@ fn plans_are_made_for_the_direction() {
 /// What is seen at a test pose is what counts there, and results name the direction.
 #[test]
 fn results_are_along_the_direction() {
-    let place = Workplace::new();
-    place.write("along.toml", along("direction = [3, 0, 4]"));
-    let plan = project("scenarios/plans/klimchik2012_m4.csv");
+    let place = Workplace::with("along.toml", along("direction = [3, 0, 4]"));
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
     let run = |arguments: &str| place.json(arguments);
     run(&format!(
-        "measure along.toml --plan {} --measurements-out m.csv",
-        plan.display()
+        "measure along.toml --plan {plan} --measurements-out m.csv"
     ));
     run("identify along.toml --measurements m.csv --identified-out i.json");
     let found = run("compensate along.toml --identified i.json");
@@ -239,11 +227,8 @@ fn results_are_along_the_direction() {
         assert!((vector - direction * direction.dot(&vector)).norm() < 1e-12);
         assert!((vector.norm() - size).abs() < 1e-12 && size > 0.0);
     }
-    let text = place.run("check along.toml").ends_with(0).stdout;
-    assert!(
-        text.contains("Only the error along (0.6000, 0.0000, 0.8000) counts."),
-        "{text}"
-    );
+    let text = place.done("check along.toml");
+    text.prints("Only the error along (0.6000, 0.0000, 0.8000) counts.");
 }
 
 /// Wrong entries are named with their key and what is allowed.
@@ -300,9 +285,8 @@ fn wrong_entries() {
             "2 numbers",
         ),
     ] {
-        let place = Workplace::new();
-        place.write("wrong.toml", pose(force, more, "", "model", 64));
-        let outcome = place.run("check wrong.toml").ends_with(1);
+        let place = Workplace::with("wrong.toml", pose(force, more, "", "model", 64));
+        let outcome = place.refused("check wrong.toml");
         let found = &outcome.stderr;
         assert!(
             found.contains(key) && found.contains(says),
@@ -315,14 +299,7 @@ fn wrong_entries() {
         "parameters = [\"joint_1\"]",
         1,
     );
-    let place = Workplace::new();
-    place.write("wrong.toml", text);
-    let outcome = place.run("check wrong.toml").ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("nothing that is unknown bends the tool along the direction"),
-        "{}",
-        outcome.stderr
-    );
+    let place = Workplace::with("wrong.toml", text);
+    let outcome = place.refused("check wrong.toml");
+    outcome.says("nothing that is unknown bends the tool along the direction");
 }

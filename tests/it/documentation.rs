@@ -248,7 +248,7 @@ fn calls(text: &str) -> Vec<String> {
 }
 
 fn commands(place: &Workplace) -> Vec<String> {
-    let listed = place.run("--help").ends_with(0).stdout;
+    let listed = place.done("--help").stdout;
     let commands = listed.lines().skip_while(|line| *line != "Commands:");
     let commands: Vec<String> = (commands.skip(1).take_while(|line| !line.is_empty()))
         .filter_map(|line| line.split_whitespace().next())
@@ -264,11 +264,8 @@ fn commands(place: &Workplace) -> Vec<String> {
 fn help_fits_on_a_screen() {
     let place = Workplace::new();
     for command in commands(&place) {
-        let help = place.run(&format!("{command} --help")).ends_with(0).stdout;
-        assert_eq!(
-            place.run(&format!("{command} -h")).ends_with(0).stdout,
-            help
-        );
+        let help = place.done(&format!("{command} --help")).stdout;
+        assert_eq!(place.done(&format!("{command} -h")).stdout, help);
         let longest = help.lines().map(|line| line.chars().count()).max();
         assert!(help.lines().count() <= 50, "{help}");
         assert!(longest <= Some(100), "{longest:?}: {help}");
@@ -279,10 +276,7 @@ fn help_fits_on_a_screen() {
                 .map(str::to_owned)
                 .collect()
         };
-        let whole = place
-            .run(&format!("{command} --help all"))
-            .ends_with(0)
-            .stdout;
+        let whole = place.done(&format!("{command} --help all")).stdout;
         let whole = whole.split("\nExample").next().expect("options");
         let missing: Vec<String> = (options(whole).into_iter())
             .filter(|option| {
@@ -292,7 +286,7 @@ fn help_fits_on_a_screen() {
             .collect();
         assert!(missing.is_empty(), "{command}: {missing:?}");
     }
-    let plan = place.run("plan --help").ends_with(0).stdout;
+    let plan = place.done("plan --help").stdout;
     let groups: Vec<&str> = (plan.lines())
         .filter(|line| line.ends_with(':') && !line.starts_with(' '))
         .collect();
@@ -313,7 +307,7 @@ fn help_fits_on_a_screen() {
 fn every_help_has_examples_of_what_is_there() {
     let place = Workplace::new();
     for command in commands(&place) {
-        let help = (place.run(&format!("{command} --help all")).ends_with(0)).stdout;
+        let help = (place.done(&format!("{command} --help all"))).stdout;
         let (help, examples) = help.split_once("\nExample").expect("examples");
         let examples: Vec<&str> = examples.lines().skip(1).collect();
         assert!(!examples.is_empty(), "{command}");

@@ -2,14 +2,13 @@
 //! analytic chain, both ways of the virtual robot and MuJoCo's simulation in time find the same rest.
 
 use elastocal::mujoco::Model;
-use elastocal::robot::{EquilibriumSolver, Load, SerialChain, TrueRobot};
-use elastocal::scenario::Scenario;
+use elastocal::robot::{EquilibriumSolver, SerialChain, TrueRobot};
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 
 use crate::judge::{Question, judge};
 use crate::random_models::{Features, random_model};
-use crate::support::Workplace;
+use crate::support::{Workplace, assert_has, force, list, number};
 
 #[test]
 fn random_beliefs_rest_where_mujoco_does() {
@@ -43,10 +42,7 @@ fn random_beliefs_rest_where_mujoco_does() {
         let mut by_any = VirtualRobot::of_any_model(&robot, "tool").expect("the site exists");
         let mut solver = EquilibriumSolver::new(chain.len());
         for force_n in [Vector3::zeros(), force_n] {
-            let load = Load {
-                force_n,
-                torque_nm: Vector3::zeros(),
-            };
+            let load = force(force_n);
             let analytic = solver.solve(&mut chain.at(&tool), &compliance, &q, &load);
             let q = DVector::from_column_slice(&q);
             let (one, other) = (by_chain.rest(&q, &load), by_any.rest(&q, &load));
@@ -143,8 +139,7 @@ const FINGER: &str = "<joint name=\"finger\" axis=\"0 0 1\" stiffness=\"10\"/>";
 
 #[test]
 fn locked_joints_tools_and_payloads_of_a_scenario_are_as_in_a_model() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "arm.xml",
         workshop("0 0 0", RAIL, "pos=\"0.2 0 0\"", FINGER, ""),
     );
@@ -155,15 +150,12 @@ fn locked_joints_tools_and_payloads_of_a_scenario_are_as_in_a_model() {
     let mounted = "<body pos=\"0.15 0 0.08\"><inertial pos=\"0 0 0\" mass=\"6\" diaginertia=\"0.1 0.1 0.1\"/></body>\
                    <body pos=\"0.2 0 0\" euler=\"0 0.3 0\"><site name=\"tool\" pos=\"0.06 0.02 -0.01\" euler=\"0 1.5707963267948966 0\"/></body>";
     workplace.write("judge.xml", workshop("0.25 0 0", "", &finger, "", mounted));
-    let scenario = Scenario::load(&workplace.path("arm.toml")).expect("valid");
+    let scenario = workplace.scenario("arm.toml");
     let names = ["joint_1", "joint_2", "joint_3", "quill"].map(str::to_owned);
     let commanded = [0.4, -0.6, 0.9, 0.12];
     let q = DVector::from_column_slice(&[0.4, -0.6, 0.004, 0.9, 0.12]);
     for force_n in [Vector3::zeros(), Vector3::new(60.0, -30.0, -400.0)] {
-        let load = Load {
-            force_n,
-            torque_nm: Vector3::zeros(),
-        };
+        let load = force(force_n);
         let question = Question {
             site: "tool",
             joints: &names,
@@ -186,25 +178,18 @@ fn locked_joints_tools_and_payloads_of_a_scenario_are_as_in_a_model() {
 
 #[test]
 fn every_command_works_with_passive_joints_slides_and_springs() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "arm.xml",
         workshop("0 0 0", RAIL, "pos=\"0.2 0 0\"", FINGER, ""),
     );
     workplace.write("arm.toml", WORKSHOP);
-    let checked = workplace.run("check arm.toml").ends_with(0);
+    let checked = workplace.done("check arm.toml");
     for part in ["passive", "mm", "compensator"] {
-        assert!(checked.stdout.contains(part), "{part}: {checked:#?}");
+        checked.prints(part);
     }
     let planned = workplace.run("plan arm.toml --plan-out plan.csv --quiet --json");
     let planned = planned.ends_with(0).json();
-    assert_eq!(
-        planned["plan"][0]["q_deg"]
-            .as_array()
-            .expect("numbers")
-            .len(),
-        4
-    );
+    assert_eq!(list(&planned["plan"][0]["q_deg"]).len(), 4);
     let plan = workplace.read("plan.csv");
     assert!(
         plan.starts_with("q1_deg,q2_deg,q3_deg,q4_mm,fx_n"),
@@ -216,25 +201,16 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
     numbers[3] = "312.5";
     lines[1] = numbers.join(",");
     workplace.write("beyond.csv", lines.join("\n"));
-    let beyond = workplace
-        .run("check arm.toml --plan beyond.csv")
-        .ends_with(3);
+    let beyond = workplace.doubted("check arm.toml --plan beyond.csv");
     let said = format!("{}{}", beyond.stdout, beyond.stderr);
-    assert!(
-        said.contains("quill is 312.500 mm; the bound is 300.000 mm"),
-        "{said}"
-    );
-    workplace
-        .run("measure arm.toml --plan plan.csv --measurements-out measured.csv --quiet")
-        .ends_with(0);
-    let identified = workplace
-        .run("identify arm.toml --measurements measured.csv --json --quiet --identified-out found.json")
-        .ends_with(0)
-        .json();
-    assert_eq!(identified["parameters"].as_array().expect("names").len(), 4);
+    assert_has(&said, "quill is 312.500 mm; the bound is 300.000 mm");
+    workplace.done("measure arm.toml --plan plan.csv --measurements-out measured.csv --quiet");
+    let identified =
+        workplace.json("identify arm.toml --measurements measured.csv --identified-out found.json");
+    assert_eq!(list(&identified["parameters"]).len(), 4);
     let printed = workplace.run("identify arm.toml --measurements measured.csv --quiet");
     let unit = "compliance [1e-6 rad/(N m); slides 1e-6 m/N]";
-    assert!(printed.stdout.contains(unit), "{printed:#?}");
+    printed.prints(unit);
     workplace.write("loud.toml", WORKSHOP.replace("0.03", "2"));
     let loud = workplace.run("identify loud.toml --measurements measured.csv --quiet");
     let notes = loud.stdout.lines();
@@ -243,24 +219,17 @@ fn every_command_works_with_passive_joints_slides_and_springs() {
         of_slide.len() == 1 && of_slide[0].contains(" m/N is"),
         "{loud:#?}"
     );
-    workplace
-        .run("compensate arm.toml --identified found.json --quiet")
-        .ends_with(0);
-    let run = workplace
-        .run("run arm.toml --out out --json --quiet")
-        .ends_with(0)
-        .json();
+    workplace.done("compensate arm.toml --identified found.json --quiet");
+    let run = workplace.json("run arm.toml --out out");
     let pose = &run["plans"][0]["test_poses"][0];
-    let [before, after] =
-        ["uncompensated_mm", "residual_mm"].map(|key| pose[key].as_f64().expect("a number"));
+    let [before, after] = ["uncompensated_mm", "residual_mm"].map(|key| number(&pose[key]));
     // The passive joint cannot be commanded: the others make up for it.
     assert!(after < 0.05 * before, "{before} mm, then {after} mm");
 }
 
 #[test]
 fn wrong_locks_tools_and_payloads_are_refused_by_name() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "arm.xml",
         workshop("0 0 0", RAIL, "pos=\"0.2 0 0\"", FINGER, ""),
     );
@@ -295,7 +264,7 @@ fn wrong_locks_tools_and_payloads_are_refused_by_name() {
         let text = WORKSHOP.replace(from, to);
         assert_ne!(text, WORKSHOP, "{from}");
         workplace.write("arm.toml", text);
-        let refused = workplace.run("check arm.toml").ends_with(1);
+        let refused = workplace.refused("check arm.toml");
         assert!(
             refused.stderr.contains(says),
             "{from} -> {to}: {refused:#?}"

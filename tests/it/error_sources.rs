@@ -15,12 +15,8 @@ fn studies_show_where_the_error_comes_from() {
         + &entry(("joint_repeatability", "std_mrad = 0.03"), "");
     place.write("laboratory.toml", with(&list, "model", 4000));
     place.write("certain.toml", with("", "model", 4000));
-    place
-        .run("study laboratory.toml --quiet --out out")
-        .ends_with(0);
-    place
-        .run("study certain.toml --quiet --out out")
-        .ends_with(0);
+    place.done("study laboratory.toml --quiet --out out");
+    place.done("study certain.toml --quiet --out out");
     let page = place.read("out/laboratory/study.html");
     for part in [
         TITLE,
@@ -45,9 +41,7 @@ fn reports_show_what_a_prediction_is_made_of() {
     let place = Workplace::new();
     let list = entry(("load_scale", "std_relative = 0.01"), "");
     place.write("laboratory.toml", with(&list, "model", 64));
-    place
-        .run("run laboratory.toml --no-proof --quiet --out out")
-        .ends_with(0);
+    place.done("run laboratory.toml --no-proof --quiet --out out");
     let page = place.read("out/laboratory/report.html");
     for part in [
         TITLE,

@@ -6,14 +6,14 @@ use std::fmt::Write as _;
 use elastocal::mujoco::{Model, ModelCalibration, State};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
-use elastocal::robot::{EquilibriumSolver, Load, SerialChain, Tool};
+use elastocal::robot::{EquilibriumSolver, SerialChain, Tool};
 use elastocal::workflow::export::calibration;
 use nalgebra::Vector3;
 use rand::RngExt;
 use serde_json::Value;
 
 use crate::random_models::{Features, random_model};
-use crate::support::{Workplace, numbers};
+use crate::support::{Workplace, force, list, number, numbers};
 
 /// An arm as its model says, with a site as its tool, and MuJoCo's identifiers of its joints.
 fn arm_of(model: &Model, site: &str) -> ElasticArm {
@@ -78,10 +78,7 @@ fn bent_apart(
     (chain, tool): (&SerialChain, &Tool),
     force_n: Vector3<f64>,
 ) -> Option<f64> {
-    let load = Load {
-        force_n,
-        ..Load::NONE
-    };
+    let load = force(force_n);
     let compliance: Vec<f64> = (chain.joints.iter())
         .map(|joint| joint.model_compliance_rad_per_nm.expect("it is elastic"))
         .collect();
@@ -274,9 +271,7 @@ fn identified(place: &Workplace) -> Value {
             .replace("MODEL", "robot/arm.xml")
             .replace("TOOLS", TOOLS),
     );
-    place
-        .run("measure a.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure a.toml --plan plan.csv --measurements-out m.csv --quiet");
     let outcome =
         place.run("identify a.toml --measurements m.csv --identified-out i.json --json --quiet");
     outcome.json()
@@ -292,7 +287,7 @@ fn what_was_not_identified_stays_as_it_was() {
     assert!([Some(0), Some(3)].contains(&outcome.code), "{outcome:?}");
     let json = outcome.json();
     for key in ["place_difference_mm", "deflection_difference_mm"] {
-        assert!(json[key].as_f64().expect("a number") < 1e-9, "{json}");
+        assert!(number(&json[key]) < 1e-9, "{json}");
     }
     let said = json["not_expressed"].to_string();
     assert!(said.contains("load.scale = "), "{said}");
@@ -315,11 +310,11 @@ fn what_was_not_identified_stays_as_it_was() {
     let document = kept_in(&text);
     let parameters: Value = serde_json::from_str(&document("elastocal_parameters")).expect("JSON");
     let parameters = parameters.as_array().expect("a list").clone();
-    let others = identified["uncertain"].as_array().expect("a list").len();
+    let others = list(&identified["uncertain"]).len();
     assert_eq!(parameters.len(), 4 + others);
     let covariance: Vec<Vec<f64>> =
         serde_json::from_str(&document("elastocal_covariance")).expect("JSON");
-    let of_all = identified["covariance_of_all"].as_array().expect("a list");
+    let of_all = list(&identified["covariance_of_all"]);
     assert_eq!(covariance.len(), parameters.len());
     let of_all: Vec<Vec<f64>> = of_all.iter().map(numbers).collect();
     for (row, kept) in covariance.iter().enumerate() {
@@ -369,7 +364,7 @@ fn locked_joints_are_fixed() {
             place.run("export a.toml --identified i.json --model-out out.xml --json --quiet");
         let json = outcome.json();
         for key in ["place_difference_mm", "deflection_difference_mm"] {
-            assert!(json[key].as_f64().expect("a number") < 1e-9, "{json}");
+            assert!(number(&json[key]) < 1e-9, "{json}");
         }
         let said = format!("{locked} is no joint of it: its body is fixed at {value} deg");
         assert!(json["not_expressed"].to_string().contains(&said), "{json}");
@@ -377,7 +372,7 @@ fn locked_joints_are_fixed() {
             json["not_expressed"].to_string().contains("keyframes"),
             "{json}"
         );
-        let leave_out = json["to_leave_out"].as_array().expect("a list");
+        let leave_out = list(&json["to_leave_out"]);
         assert!(
             leave_out.iter().any(|key| key == "robot.locked_deg"),
             "{json}"
@@ -391,7 +386,7 @@ fn locked_joints_are_fixed() {
             "b.toml",
             (scenario.replace("MODEL", "out.xml")).replace("TOOLS", ""),
         );
-        place.run("check b.toml --quiet").ends_with(0);
+        place.done("check b.toml --quiet");
     }
 }
 
@@ -417,25 +412,16 @@ fn the_written_model_is_a_scenario_s_again() {
         "b.toml",
         SCENARIO.replace("MODEL", "b.xml").replace("TOOLS", ""),
     );
-    let check = place.run("check b.toml --json --quiet").ends_with(0).json();
-    let record: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
-    let applied = record["compliance_applied_rad_per_nm"]
-        .as_array()
-        .expect("a list");
-    for (joint, applied) in check["robot"]["joints"]
-        .as_array()
-        .expect("a list")
-        .iter()
-        .zip(applied)
-    {
+    let check = place.json("check b.toml");
+    let record = place.parsed("i.json");
+    let applied = list(&record["compliance_applied_rad_per_nm"]);
+    for (joint, applied) in list(&check["robot"]["joints"]).iter().zip(applied) {
         let [now, then] =
             [&joint["compliance_rad_per_nm"], applied].map(|each| each.as_f64().expect("a number"));
         assert!((now / then - 1.0).abs() < 1e-14, "{joint} {then}");
     }
     // Identified and exported once more, it keeps what the last identification said alone.
-    place
-        .run("measure b.toml --plan plan.csv --measurements-out m2.csv --quiet")
-        .ends_with(0);
+    place.done("measure b.toml --plan plan.csv --measurements-out m2.csv --quiet");
     place.run("identify b.toml --measurements m2.csv --identified-out i2.json --quiet");
     place.run("export b.toml --identified i2.json --model-out c.xml --quiet");
     let again = place.read("c.xml");
@@ -459,8 +445,7 @@ fn the_written_model_is_a_scenario_s_again() {
             "d.toml",
             SCENARIO.replace("MODEL", "b.xml").replace("TOOLS", kept),
         );
-        let refused = place.run("check d.toml --quiet").ends_with(1);
-        assert!(refused.stderr.contains(said), "{}", refused.stderr);
+        place.refused("check d.toml --quiet").says(said);
     }
 }
 
@@ -542,7 +527,7 @@ fn what_cannot_be_written_is_refused_by_name() {
             "export a.toml --identified i.json --model-out {name} --quiet"
         ));
         let refused = refused.ends_with(1);
-        assert!(refused.stderr.contains(said), "{}", refused.stderr);
+        refused.says(said);
         assert_eq!(place.read("robot/arm.xml"), before);
     }
 }

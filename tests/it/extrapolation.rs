@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use crate::model_selection::read_within;
 use crate::one_fit::{between, seen_arm, ur10, workplace};
-use crate::support::{Workplace, numbers};
+use crate::support::{Workplace, assert_near, list, number, numbers, with_numbers};
 
 /// A robot whose joints err once to five times a turn, read in one part of joint space and in another.
 fn halves(seed: u64, readings: usize) -> Workplace {
@@ -46,7 +46,7 @@ fn validated(place: &Workplace) -> Value {
 fn beyond_what_was_read_is_said() {
     let place = halves(20, 15);
     let codes = |found: &Value| -> Vec<String> {
-        let conditions = found["conditions"].as_array().expect("conditions").iter();
+        let conditions = list(&found["conditions"]).iter();
         let beyond = conditions.filter(|each| each["code"] == "C0311");
         beyond.map(|each| each["text"].to_string()).collect()
     };
@@ -76,16 +76,8 @@ fn joint_errors_come_again_in_each_turn() {
         "identify s.toml --measurements m.csv --parameters zeros --identified-out i.json --quiet";
     place.run(identify);
     let text = place.read("m.csv");
-    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
-    let mut further = lines.next().expect("a header").to_owned() + "\n";
-    for line in lines {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        for cell in &mut cells[..6] {
-            let angle: f64 = cell.parse().expect("an angle");
-            *cell = (angle + 360.0).to_string();
-        }
-        further += &(cells.join(",") + "\n");
-    }
+    let angles = ["q1_deg", "q2_deg", "q3_deg", "q4_deg", "q5_deg", "q6_deg"];
+    let further = with_numbers(&text, &angles, |angle| angle + 360.0);
     place.write("further.csv", further);
     let validated = |file: &str| {
         let validate = format!("validate --identified i.json --measurements {file} --json --quiet");
@@ -94,24 +86,16 @@ fn joint_errors_come_again_in_each_turn() {
     // What was fitted stands for other readings.
     place.forget_readings("i.json");
     let [own, further] = ["m.csv", "further.csv"].map(validated);
-    let rms = |found: &Value| {
-        found["with_joint_errors"]["distance_mm"]["rms"]
-            .as_f64()
-            .expect("a number")
-    };
-    assert!(
-        (rms(&own) - rms(&further)).abs() < 1e-6 * rms(&own),
-        "{own} {further}"
-    );
+    let rms = |found: &Value| number(&found["with_joint_errors"]["distance_mm"]["rms"]);
+    assert_near(rms(&own), rms(&further), 1e-6 * rms(&own));
     assert_eq!(own["coverage95"], further["coverage95"]);
-    let conditions = further["conditions"].as_array().expect("conditions").iter();
+    let conditions = list(&further["conditions"]).iter();
     let codes: Vec<&Value> = conditions.map(|each| &each["code"]).collect();
     assert!(!codes.iter().any(|code| *code == "C0311"), "{codes:?}");
     // A tolerance is judged beside these functions, too.
-    let judged = place
-        .run("validate --identified i.json --measurements m.csv --tolerance-um 500 --json --quiet")
-        .json();
-    let each = judged["tolerance"]["measurements"].as_array().expect("all");
+    let judged =
+        place.record("validate --identified i.json --measurements m.csv --tolerance-um 500");
+    let each = list(&judged["tolerance"]["measurements"]);
     let left = &judged["residuals_with_joint_errors_mm"];
     assert_eq!(each.len(), 120);
     for (each, left) in each.iter().zip(left.as_array().expect("all")) {
@@ -121,11 +105,8 @@ fn joint_errors_come_again_in_each_turn() {
             .sum::<f64>()
             .sqrt()
             * 1e3;
-        let judged_um = each["distance_um"].as_f64().expect("a number");
-        assert!(
-            (distance_um - judged_um).abs() < 1e-6 * distance_um,
-            "{judged_um} {distance_um}"
-        );
+        let judged_um = number(&each["distance_um"]);
+        assert_near(distance_um, judged_um, 1e-6 * distance_um);
     }
 }
 
@@ -138,7 +119,7 @@ fn what_was_not_read_moves_no_station() {
             found["residuals_with_joint_errors_mm"].is_array(),
             "{found}"
         );
-        let conditions = found["conditions"].as_array().expect("conditions").iter();
+        let conditions = list(&found["conditions"]).iter();
         let codes: Vec<&Value> = conditions.map(|each| &each["code"]).collect();
         assert!(
             !codes.iter().any(|code| *code == "C0303"),
@@ -158,8 +139,7 @@ fn regions_of_few_readings_hold() {
         .replace("tool_height_min_mm = 300", "tool_height_min_mm = 20")
         .replace("tool_radius_min_mm = 400", "tool_radius_min_mm = 10")
         + "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 1\n";
-    let place = Workplace::new();
-    place.write("s.toml", &known);
+    let place = Workplace::with("s.toml", &known);
     let hidden = "\n[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.2\nhidden = true\n";
     place.write("true.toml", known + hidden);
     let mut held = 0.0;
@@ -192,7 +172,7 @@ fn regions_of_few_readings_hold() {
         place.run("identify s.toml --measurements a.csv --parameters zeros --identified-out i.json --quiet");
         let validate = "validate s.toml --identified i.json --measurements b.csv --json --quiet";
         let found = place.run(validate).json();
-        held += found["coverage95"]["positions"].as_f64().expect("a share") / 60.0;
+        held += number(&found["coverage95"]["positions"]) / 60.0;
     }
     assert!((held - 0.95).abs() < 0.05, "{held}");
 }

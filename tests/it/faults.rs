@@ -83,7 +83,7 @@ impl Trial {
         workplace.write("s.toml", text + file);
         workplace.write("file.csv", PLAN);
         for each in prepare {
-            workplace.run(each).ends_with(0);
+            workplace.done(each);
         }
         Self {
             workplace,
@@ -177,12 +177,12 @@ fn ended_at_any_moment() {
     for trial in Trial::all() {
         let (workplace, arguments) = (&trial.workplace, &trial.arguments);
         let start = Instant::now();
-        workplace.run(arguments).ends_with(0);
+        workplace.done(arguments);
         let takes = start.elapsed();
         let new = trial.results();
         assert!(!new.is_empty(), "{arguments}");
         let _ = std::fs::remove_file(workplace.path("tally"));
-        workplace.run(&trial.before).ends_with(0);
+        workplace.done(&trial.before);
         let mut old = trial.results();
 
         let mut random = generator(arguments);
@@ -211,7 +211,7 @@ fn ended_at_any_moment() {
                 );
             }
         }
-        workplace.run(arguments).ends_with(0);
+        workplace.done(arguments);
         assert_eq!(trial.results(), new, "{arguments}");
     }
 }
@@ -269,7 +269,7 @@ fn two_writers() {
     // A tally has one writer: the second would go on from where the first is.
     for trial in Trial::quick().filter(|trial| !trial.arguments.contains("--resume")) {
         let each = [&trial.arguments, &trial.before].map(|arguments| {
-            trial.workplace.run(arguments).ends_with(0);
+            trial.workplace.done(arguments);
             trial.results()
         });
         let both = [&trial.arguments, &trial.before].map(|arguments| {
@@ -332,7 +332,7 @@ fn files_that_may_not_grow() {
 fn closed_streams() {
     for trial in Trial::quick() {
         let arguments = &trial.arguments;
-        trial.workplace.run(arguments).ends_with(0);
+        trial.workplace.done(arguments);
         let expected = trial.results();
         for closed in ["2>&-", "<&- >&- 2>&-"] {
             let _ = std::fs::remove_file(trial.workplace.path("tally"));

@@ -8,7 +8,7 @@ use elastocal::identification::{
 use elastocal::measurement::{AbsoluteReading, Measurement, RotationMeasurement};
 use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::ParameterSet;
 use elastocal::record::uncertainties::uncertainty_tables;
 use elastocal::robot::{Load, rotation_vector};
@@ -19,7 +19,10 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use crate::one_fit::{anywhere, between, normal, vector};
-use crate::support::{UR10_JOINTS, Workplace, number};
+use crate::support::{
+    UR10_JOINTS, Workplace, assert_alike_in, assert_has, assert_near_in, blank_reading, force,
+    number, setup,
+};
 
 const SIGMA_M: f64 = 2e-5;
 const SIGMA_RAD: f64 = 3e-5;
@@ -59,10 +62,9 @@ experiments = 4
 "#;
 
 fn scara() -> Scenario {
-    let place = Workplace::new();
-    place.write("arm.xml", ARM);
+    let place = Workplace::with("arm.xml", ARM);
     place.write("s.toml", SCENARIO);
-    Scenario::load(&place.path("s.toml")).expect("a scenario")
+    place.scenario("s.toml")
 }
 
 /// Which readings are wrong, and how.
@@ -133,17 +135,6 @@ fn error(random: &mut impl Rng) -> Vector3<f64> {
     side * (1e-3 * 50.0_f64.powf(between(random, 0.0, 1.0)))
 }
 
-fn setup(q: &DVector<f64>, load: Load) -> Setup {
-    Setup {
-        hangs_on: None,
-        commanded_rad: q.clone(),
-        load,
-        target: 0,
-        station: 0,
-        approach: None,
-    }
-}
-
 /// Right readings, and the same with wrong ones.
 fn absolute(
     random: &mut impl Rng,
@@ -163,24 +154,17 @@ fn absolute(
     let configurations = trial.configurations(random, wrong);
     let right: Vec<AbsoluteReading> = (configurations.iter())
         .map(|q| {
-            let setup = setup(q, Load::NONE);
+            let setup = setup(q.clone(), Load::NONE, 0);
             let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
             let turn = Rotation3::from_scaled_axis(noise(random, SIGMA_RAD));
             let rotation = turn * Rotation3::from_matrix_unchecked(seen.rotation);
             AbsoluteReading {
                 configuration_rad: q.clone(),
-                load: Load::NONE,
-                target: None,
-                station: None,
-                visit: None,
                 position_m: seen.position_m + noise(random, SIGMA_M),
                 rotation: (trial.has_rotations)
                     .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect();
@@ -211,12 +195,10 @@ fn deflections(
     let configurations = trial.configurations(random, wrong);
     let right: Vec<Measurement> = (configurations.iter())
         .map(|q| {
-            let load = Load {
-                force_n: vector(random, 120.0),
-                torque_nm: Vector3::zeros(),
-            };
+            let load = force(vector(random, 120.0));
             let kind = ReadingKind::DeflectionAndRotation;
-            let seen = (model.predict(&setup(q, load), kind, &mut ignored)).expect("stable");
+            let seen =
+                (model.predict(&setup(q.clone(), load, 0), kind, &mut ignored)).expect("stable");
             let rotation = RotationMeasurement {
                 vector_rad: rotation_vector(&seen.rotation) + noise(random, SIGMA_RAD),
                 sigma_rad: Vector3::repeat(SIGMA_RAD),
@@ -275,20 +257,14 @@ fn wrong_absolute_readings_of_a_scara_are_named() {
                 let alone = fitted(belief, &others(&right, &wrong));
                 assert!(alone.rejected.is_empty(), "{trial:?} {seed}");
                 assert!(fitted(belief, &right).rejected.is_empty());
-                assert!(
-                    (fit.square / alone.square - 1.0).abs() < 1e-4,
-                    "{trial:?} {seed}"
-                );
+                assert_alike_in(&(trial, seed), fit.square, alone.square, 1e-4);
                 // Nobody sees how far along the parallel axes the reflector is: it is where it is believed to be, and all else counts
                 // from there. (With rotations a wrong reading turns the reflector's frame, along whose axes it is then put right.)
                 let believed = belief.calibration_tool.link_from_tool.translation.z;
                 let close = if trial.has_rotations { 5e-3 } else { 1e-5 };
                 for each in [&fit, &alone] {
                     let found = each.reference.tools[0].link_from_tool.translation.z;
-                    assert!(
-                        (found - believed).abs() < close,
-                        "{trial:?} {seed}: {found}"
-                    );
+                    assert_near_in(&(trial, seed), found, believed, close);
                 }
                 for (index, parameter) in alone.of_the_robot() {
                     let other = fit.set.index_of(parameter.kind).expect("the same unknowns");
@@ -471,10 +447,9 @@ fn what_a_slide_errs_by_becomes_an_error_source() {
     let zero =
         "No table of shoulder repeatability: its estimate is zero, its upper limit 0.1697 mrad";
     assert!(tables.contains(zero), "{tables}");
-    let place = Workplace::new();
-    place.write("arm.xml", ARM);
+    let place = Workplace::with("arm.xml", ARM);
     place.write("s.toml", format!("{SCENARIO}\n{tables}"));
-    let listed = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let listed = place.scenario("s.toml");
     let functions = listed.task.belief.uncertain.joint_functions();
     let lift = functions.iter().find(|each| each.joint == 2);
     let lift = lift.unwrap_or_else(|| panic!("{tables}"));
@@ -493,10 +468,8 @@ fn a_mirrored_frame_is_named_beside_a_joint_s_sign() {
     }
     let case = AbsoluteCase::placed(&scenario.task.belief, &readings).expect("readings");
     let text = case.likely_input_error().expect("an input error").text;
-    assert!(
-        text.contains("lift") && text.contains("left-handed"),
-        "{text}"
-    );
+    assert_has(&text, "lift");
+    assert_has(&text, "left-handed");
 }
 
 /// A robot's first joint gives 17, 27 and 67 times as much as planned, where two of few readings are pulled sideways: frames alone explain neither,

@@ -11,7 +11,10 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use rand::RngExt;
 
 use crate::planning::{assert_close, designed};
-use crate::support::{Workplace, leave_open, scenario, scenario_text};
+use crate::support::{
+    Workplace, assert_has, assert_near_in, leave_open, list, number, scenario, scenario_text,
+    state_at,
+};
 
 const SIGMA_M: f64 = 0.03e-3;
 /// The planar arm stretched: its length (m), and the torque of its weight about joint 1 when it is
@@ -107,14 +110,8 @@ fn any_force_works_against_the_weight() {
         let (plan, rho0, efficiency) = prediction(&scenario, experiments);
         assert_close("rho0", rho0, expected(&scenario, torque, experiments), 1e-5);
         assert!(efficiency > 0.98, "{efficiency}");
-        let arm = scenario
-            .task
-            .belief
-            .nominal
-            .chain
-            .at(&scenario.task.belief.calibration_tool);
         for each in &plan.experiments {
-            let state = arm.state(each.configuration_rad.as_slice());
+            let state = state_at(&scenario, &each.configuration_rad);
             let found = state.load_torque(0, &each.load);
             assert_close("torque", found, -torque, 1e-5);
             assert!(each.load.force_n.norm() <= FORCE_N * (1.0 + 1e-9));
@@ -138,10 +135,7 @@ fn the_smallest_force_is_honoured() {
         .expect_err("the joint does not bear it")
         .to_string();
     assert!(error.contains("no experiment is feasible"), "{error}");
-    assert!(
-        error.contains("torque about joint 1 rejects 100.0 %"),
-        "{error}"
-    );
+    assert_has(&error, "torque about joint 1 rejects 100.0 %");
 }
 
 // Without torque bounds the largest force is best, as with a fixed load.
@@ -201,10 +195,7 @@ fn derivatives_by_the_size_are_those_of_differences() {
             let difference = (margin(size + step) - margin(size - step)) / (2.0 * step);
             let slope = (bound.force_derivative(evaluator.readings.state()))
                 .map_or(0.0, |slope| slope.dot(&direction));
-            assert!(
-                (slope - difference).abs() < 1e-9,
-                "{bound:?}: {slope}, {difference}"
-            );
+            assert_near_in(&bound, slope, difference, 1e-9);
         }
     }
 }
@@ -223,20 +214,17 @@ fn a_weak_robot_gets_a_lighter_weight() {
             "[region]\njoint_torque_max_nm = [9000, 9000, 5000, 1500, 1500, 1000]\n",
         );
     workplace.write("cell.toml", text);
-    let json = workplace
-        .run("plan cell.toml --json --quiet --plan-out p.csv")
-        .ends_with(0)
-        .json();
-    let efficiency = json["efficiency"].as_f64().expect("a number");
+    let json = workplace.json("plan cell.toml --plan-out p.csv");
+    let efficiency = number(&json["efficiency"]);
     assert!(efficiency > 0.7 && efficiency <= 1.0, "{efficiency}");
-    for experiment in json["plan"].as_array().expect("a plan") {
-        let force = experiment["wrench"][2].as_f64().expect("a number");
+    for experiment in list(&json["plan"]) {
+        let force = number(&experiment["wrench"][2]);
         assert!(
             (-20000.0..=-100.0).contains(&force) && force > -19_000.0,
             "{force}"
         );
     }
-    workplace.run("check cell.toml --plan p.csv").ends_with(0);
+    workplace.done("check cell.toml --plan p.csv");
 }
 
 /// Parameters may be given in any order: the derivatives by the angles are those of differences.

@@ -4,7 +4,7 @@ use elastocal::measurement::foreign::import;
 use elastocal::measurement::{MeasuredFile, read_measured};
 use nalgebra::{UnitQuaternion, Vector3};
 
-use crate::support::{Outcome, Workplace, numbers, project};
+use crate::support::{Outcome, Workplace, list, numbers, project};
 
 /// Intrinsic Euler angles in degrees, decimal commas, a joint that the controller counts the other way.
 pub const TABLE: &str = "no;A1;A2;X;Y;Z;RX;RY;RZ;sx;sy;sz;srx;sry;srz;T;side;kg\n\
@@ -47,8 +47,7 @@ unit = "C"
 "#;
 
 fn workplace(table: &str, mapping: &str) -> Workplace {
-    let place = Workplace::new();
-    place.write("table.csv", table);
+    let place = Workplace::with("table.csv", table);
     place.write("mapping.toml", mapping);
     place
 }
@@ -71,7 +70,7 @@ fn a_table_is_understood() {
     assert_eq!(json["rows"], 2);
     assert_eq!(json["unread"], serde_json::json!(["no"]));
     let column = |name: &str| {
-        let all = json["columns"].as_array().expect("a list");
+        let all = list(&json["columns"]);
         numbers(&all.iter().find(|each| each["column"] == name).expect(name)["range"])
     };
     assert_eq!(column("x_mm"), [1000.5, 1010.5]);
@@ -313,8 +312,7 @@ fn two_thousand_poses_of_a_ur10() {
         );
         return;
     };
-    let place = Workplace::new();
-    place.write("mapping.toml", documented());
+    let place = Workplace::with("mapping.toml", documented());
     let imported = import(table.as_ref(), &place.path("mapping.toml")).expect("it can be read");
     assert_eq!(imported.rows, 2773);
     place.write("m.csv", &imported.text);

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-use crate::support::{Outcome, Workplace, project, scenario_text};
+use crate::support::{Outcome, Workplace, list, project, scenario_text, shipped};
 
 /// Results of `run` and `study` with three and seven plans.
 pub const RUN: &str = "scenarios/baselines/klimchik2012_results.json";
@@ -35,8 +35,7 @@ pub fn at<'a>(results: &'a mut Value, pointer: &str) -> &'a mut Value {
 
 /// A folder with two results files.
 pub fn pair(base: &Value, new: &Value) -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("base.json", base.to_string());
+    let workplace = Workplace::with("base.json", base.to_string());
     workplace.write("new.json", new.to_string());
     workplace
 }
@@ -46,10 +45,11 @@ pub fn compare(base: &Value, new: &Value, options: &str) -> Outcome {
 }
 
 /// Asserts that exactly these changes are beyond tolerance, as "quantity plan of".
-fn assert_broken(outcome: Outcome, expected: &[&str]) {
+fn assert_broken([base, new]: [&Value; 2], options: &str, expected: &[&str]) {
+    let outcome = compare(base, new, &format!("{options} --json --quiet"));
     let outcome = outcome.ends_with(if expected.is_empty() { 0 } else { 3 });
     let json = outcome.json();
-    let broken: Vec<String> = (json["changes"].as_array().expect("an array").iter())
+    let broken: Vec<String> = (list(&json["changes"]).iter())
         .filter(|change| change["ok"] == false)
         .map(|change| {
             let text = |key: &str| change[key].as_str().unwrap_or("-").to_owned();
@@ -121,7 +121,7 @@ fn each_tolerance_breaks_at_its_edge_and_only_for_the_worse() {
                 let judged = |change: f64, expected: &[&str]| {
                     let mut new = scaled(&base, pointer, 1.0 + change);
                     new["gate"] = gate.clone();
-                    assert_broken(compare(&base, &new, "--json --quiet"), expected);
+                    assert_broken([&base, &new], "", expected);
                 };
                 let beyond: &[&str] = if direction == "none" { &[] } else { &[name] };
                 let other_way: &[&str] = if direction == "both" { &[name] } else { &[] };
@@ -150,7 +150,7 @@ fn a_guard_band_decides_what_an_estimate_can() {
             new["gate"] = gate.clone();
             let outcome = compare(&base, &new, "--json --quiet");
             let json = outcome.json();
-            let changes = json["changes"].as_array().expect("an array");
+            let changes = list(&json["changes"]);
             let changed = (changes.iter())
                 .find(|each| each["quantity"] == "mean_error" && each["plan"] == "2a");
             let changed = changed.expect("it is compared");
@@ -206,7 +206,7 @@ fn absolute_tolerances_have_units() {
             let number = at(&mut new, pointer);
             *number = json!(number.as_f64().expect("a number") + change * unit * worse);
             new["gate"] = json!({ quantity(name): gate });
-            assert_broken(compare(&base, &new, "--json --quiet"), expected);
+            assert_broken([&base, &new], "", expected);
         };
         for gate in [
             json!({ key: tolerance }),
@@ -233,22 +233,16 @@ fn no_violation_and_no_failed_run_may_be_added() {
         .as_array_mut()
         .expect("an array")
         .push(violation);
-    assert_broken(
-        compare(&base, &new, "--json --quiet"),
-        &["violations klimchik2012_m3 -"],
-    );
-    assert_broken(compare(&new, &base, "--json --quiet"), &[]);
+    assert_broken([&base, &new], "", &["violations klimchik2012_m3 -"]);
+    assert_broken([&new, &base], "", &[]);
     new["gate"] = json!({ "violations": { "absolute": 1 } });
-    assert_broken(compare(&base, &new, "--json --quiet"), &[]);
+    assert_broken([&base, &new], "", &[]);
 
     let base = stored(STUDY);
     let mut new = base.clone();
     *at(&mut new, "/plans/6/failed") = json!(1);
-    assert_broken(
-        compare(&base, &new, "--json --quiet"),
-        &["failed_runs optimal -"],
-    );
-    assert_broken(compare(&new, &base, "--json --quiet"), &[]);
+    assert_broken([&base, &new], "", &["failed_runs optimal -"]);
+    assert_broken([&new, &base], "", &[]);
 }
 
 /// A number that is there on one side only cannot be measured.
@@ -258,12 +252,12 @@ fn null_on_one_side_breaks() {
         let base = stored(file);
         let mut null = base.clone();
         *at(&mut null, pointer) = Value::Null;
-        assert_broken(compare(&base, &null, "--json --quiet"), &[name]);
-        assert_broken(compare(&null, &base, "--json --quiet"), &[name]);
-        assert_broken(compare(&null, &null, "--json --quiet"), &[]);
+        assert_broken([&base, &null], "", &[name]);
+        assert_broken([&null, &base], "", &[name]);
+        assert_broken([&null, &null], "", &[]);
         let mut ignored = null.clone();
         ignored["gate"] = json!({ quantity(name): { "direction": "none" } });
-        assert_broken(compare(&base, &ignored, "--json --quiet"), &[]);
+        assert_broken([&base, &ignored], "", &[]);
     }
 }
 
@@ -304,10 +298,7 @@ fn plans_of_the_same_name_are_told_apart() {
     let mut base = stored(RUN);
     *at(&mut base, "/plans/1/name") = json!("random");
     let new = scaled(&base, "/plans/2/assessment/rho0_mm", 2.0);
-    assert_broken(
-        compare(&base, &new, "--json --quiet"),
-        &["rho0 random (2) -"],
-    );
+    assert_broken([&base, &new], "", &["rho0 random (2) -"]);
 }
 
 #[test]
@@ -316,34 +307,22 @@ fn exactness_is_for_the_same_platform() {
     let pointer = "/plans/0/assessment/rho0_mm";
     let mut new = scaled(&base, pointer, 1.0 - f64::EPSILON);
     assert_ne!(new.pointer(pointer), base.pointer(pointer));
-    assert_broken(compare(&base, &new, "--json --quiet"), &[]);
-    assert_broken(
-        compare(&base, &new, "--exact --json --quiet"),
-        &["rho0 optimal -"],
-    );
+    assert_broken([&base, &new], "", &[]);
+    assert_broken([&base, &new], "--exact", &["rho0 optimal -"]);
     // Rounding is less than a billionth, and 1 % is more.
-    assert_broken(compare(&base, &new, "--within 1e-9 --json --quiet"), &[]);
+    assert_broken([&base, &new], "--within 1e-9", &[]);
     let better = scaled(&base, pointer, 0.995);
-    assert_broken(compare(&base, &better, "--json --quiet"), &[]);
-    assert_broken(
-        compare(&base, &better, "--within 1e-9 --json --quiet"),
-        &["rho0 optimal -"],
-    );
+    assert_broken([&base, &better], "", &[]);
+    assert_broken([&base, &better], "--within 1e-9", &["rho0 optimal -"]);
     new["provenance"]["platform"] = json!("pdp11 unix");
-    assert_broken(compare(&base, &new, "--exact --json --quiet"), &[]);
+    assert_broken([&base, &new], "--exact", &[]);
     let outcome = compare(&base, &new, "--exact").ends_with(0);
-    assert!(
-        outcome.stdout.contains("The base is of another platform ("),
-        "{outcome:#?}"
-    );
+    outcome.prints("The base is of another platform (");
     assert!(!outcome.stdout.contains("last bit"), "{outcome:#?}");
     // Another commit is no other question.
     new["provenance"]["commit"] = json!("feedbeef0123-dirty");
     let outcome = compare(&base, &new, "").ends_with(0);
-    assert!(
-        outcome.stdout.contains("(feedbeef0123-dirty), pdp11 unix"),
-        "{outcome:#?}"
-    );
+    outcome.prints("(feedbeef0123-dirty), pdp11 unix");
 }
 
 #[test]
@@ -353,7 +332,7 @@ fn the_summary_is_markdown() {
     let new = scaled(&base, "/plans/1/assessment/rho0_mm", 1.25);
     let workplace = pair(&base, &new);
     let command = "compare base.json new.json --markdown summary.md";
-    let outcome = workplace.run(&format!("{command} --quiet")).ends_with(3);
+    let outcome = workplace.doubted(&format!("{command} --quiet"));
     assert_eq!(
         outcome.stderr,
         "condition C0404: changed beyond tolerance: rho0, plan a|b<i>\n"
@@ -386,7 +365,7 @@ fn the_summary_is_markdown() {
         );
     }
     workplace.write("new.json", base.to_string());
-    workplace.run(command).ends_with(0);
+    workplace.done(command);
     assert!(
         workplace
             .read("summary.md")
@@ -401,19 +380,12 @@ fn results_carry_the_gate_of_their_scenario() {
     let plain = scenario_text("planar_3r");
     workplace.write("s.toml", &plain);
     let study = "study s.toml --trials 64 --json --quiet";
-    let first = workplace.run(study).ends_with(0).json();
-    workplace
-        .run(&format!("{study} --shard 1/2 --tally-out one"))
-        .ends_with(0);
+    let first = workplace.done(study).json();
+    workplace.done(&format!("{study} --shard 1/2 --tally-out one"));
     let gate = "\n# A comment.\n[gate]\nmean_error = { absolute_um = 0.5, direction = \"both\" }\n";
     workplace.write("s.toml", plain.clone() + gate);
-    workplace
-        .run(&format!("{study} --shard 2/2 --tally-out two"))
-        .ends_with(0);
-    let joined = workplace
-        .run("merge two one --json --quiet")
-        .ends_with(0)
-        .json();
+    workplace.done(&format!("{study} --shard 2/2 --tally-out two"));
+    let joined = workplace.json("merge two one");
     assert_eq!(first["gate"], json!({}));
     assert_eq!(
         joined["gate"],
@@ -435,14 +407,9 @@ fn results_carry_the_gate_of_their_scenario() {
         "s.toml",
         plain.replace("sigma_mm = 0.03", "sigma_mm = 0.031"),
     );
-    let other = workplace.run(study).ends_with(0).json();
+    let other = workplace.done(study).json();
     let refused = compare(&first, &other, "").ends_with(1);
-    assert!(
-        refused
-            .stderr
-            .contains("differs from base.json in scenario (s "),
-        "{refused:#?}"
-    );
+    refused.says("differs from base.json in scenario (s ");
     let partial = workplace
         .run(&format!("{study} --shard 2/2 --tally-out two"))
         .json();
@@ -459,11 +426,8 @@ fn untimed(text: &str) -> Vec<&str> {
 
 #[test]
 fn the_same_command_gives_the_same_bits() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("planar_3r"));
-    workplace
-        .run("plan s.toml --plan-out plan.csv --quiet")
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("planar_3r"));
+    workplace.done("plan s.toml --plan-out plan.csv --quiet");
     for command in [
         "plan s.toml",
         "evaluate s.toml --plan plan.csv",
@@ -471,19 +435,12 @@ fn the_same_command_gives_the_same_bits() {
         "study s.toml --trials 500",
         "study s.toml --trials 64 --level robot",
     ] {
-        let print = || {
-            workplace
-                .run(&format!("{command} --json --quiet"))
-                .ends_with(0)
-                .stdout
-        };
+        let print = || workplace.done(&format!("{command} --json --quiet")).stdout;
         let (one, two) = (print(), print());
         assert_eq!(untimed(&one), untimed(&two), "{command}");
         workplace.write("one.json", one);
         workplace.write("two.json", two);
-        let outcome = workplace
-            .run("compare one.json two.json --exact --json")
-            .ends_with(0);
+        let outcome = workplace.done("compare one.json two.json --exact --json");
         assert_eq!(outcome.json()["identical"], true, "{command}");
     }
 }
@@ -509,8 +466,8 @@ fn another_platform_stays_within_the_gate_of_the_stored_results() {
         assert!(output.status.success(), "{output:?}");
     }
     for name in ["results", "study"] {
-        let base = project(&format!("scenarios/baselines/klimchik2012_{name}.json"));
-        let command = format!("compare {} klimchik2012/{name}.json", base.display());
-        workplace.run(&command).ends_with(0);
+        let base = shipped(&format!("scenarios/baselines/klimchik2012_{name}.json"));
+        let command = format!("compare {base} klimchik2012/{name}.json");
+        workplace.done(&command);
     }
 }

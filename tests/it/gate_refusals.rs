@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use crate::gate::{RUN, STUDY, at, compare, evaluated, pair, stored};
-use crate::support::{Workplace, error_message, scenario_text};
+use crate::support::{Workplace, error_message, list, scenario_text};
 
 /// Of which results an edit asks another question, where, how, the name of the difference, and what the error says.
 fn other_questions() -> [(
@@ -114,12 +114,7 @@ fn answers_to_other_questions_are_refused_or_named() {
         let options = format!("--allow-different {setting}");
         let allowed = compare(&base, &new, &options).ends_with(0);
         let first = setting.split(',').next().expect("a name");
-        assert!(
-            allowed
-                .stdout
-                .contains(&format!("They differ in {first}, as allowed: ")),
-            "{allowed:#?}"
-        );
+        allowed.prints(&format!("They differ in {first}, as allowed: "));
         let json = compare(&base, &new, &format!("{options} --json")).json();
         assert_eq!(json["allowed_differences"][0]["setting"], first);
     }
@@ -132,11 +127,11 @@ fn what_only_one_file_has_is_named() {
     new["plans"].as_array_mut().expect("an array").remove(1);
     for (base, new) in [(&base, &new), (&new, &base)] {
         let refused = compare(base, new, "--quiet").ends_with(1);
-        assert!(refused.stderr.contains(" in plans ("), "{refused:#?}");
+        refused.says(" in plans (");
         let json = compare(base, new, "--allow-different plans --json")
             .ends_with(0)
             .json();
-        let missing = json["not_compared"].as_array().expect("an array");
+        let missing = list(&json["not_compared"]);
         assert!(missing.len() == 9 && missing.iter().all(|key| key["plan"] == "klimchik2012_m3"));
         assert_eq!(json["changes"].as_array().map(Vec::len), Some(18));
     }
@@ -147,12 +142,7 @@ fn what_only_one_file_has_is_named() {
         assessment[key].as_array_mut().expect("an array").pop();
     }
     let refused = compare(&base, &new, "--quiet").ends_with(1);
-    assert!(
-        refused
-            .stderr
-            .contains("standard_error of joint_6, plan optimal: only one"),
-        "{refused:#?}"
-    );
+    refused.says("standard_error of joint_6, plan optimal: only one");
 }
 
 #[test]
@@ -162,7 +152,7 @@ fn files_that_are_no_results_are_refused() {
     for (name, content, says) in not_results() {
         workplace.write(name, content);
         for pair in [format!("{name} new.json"), format!("base.json {name}")] {
-            let outcome = workplace.run(&format!("compare {pair}")).ends_with(1);
+            let outcome = workplace.refused(&format!("compare {pair}"));
             let start = format!("{name}: {says}");
             assert!(
                 error_message(&outcome.stderr).is_some_and(|said| said.starts_with(&start)),
@@ -176,9 +166,7 @@ fn files_that_are_no_results_are_refused() {
         ("missing.json", "cannot be read"),
         ("folder", "is a folder"),
     ] {
-        let outcome = workplace
-            .run(&format!("compare base.json {name}"))
-            .ends_with(1);
+        let outcome = workplace.refused(&format!("compare base.json {name}"));
         assert!(
             outcome
                 .stderr
@@ -187,13 +175,9 @@ fn files_that_are_no_results_are_refused() {
         );
     }
     let before = workplace.listing();
-    workplace
-        .run("compare base.json new.json --markdown nowhere/s.md")
-        .ends_with(1);
-    workplace.run("compare base.json").ends_with(2);
-    workplace
-        .run("compare base.json new.json --allow-different sead")
-        .ends_with(2);
+    workplace.refused("compare base.json new.json --markdown nowhere/s.md");
+    workplace.misused("compare base.json");
+    workplace.misused("compare base.json new.json --allow-different sead");
     assert_eq!(workplace.listing(), before);
 }
 
@@ -257,7 +241,7 @@ fn a_wrong_gate_is_an_error_with_its_key() {
         let text = scenario_text("planar_3r").replacen('\n', &format!("\ngate.{gate}\n"), 1);
         let text = text.replacen("gate.", "\ngate.", 1);
         workplace.write("s.toml", text);
-        let outcome = workplace.run("check s.toml --quiet").ends_with(1);
+        let outcome = workplace.refused("check s.toml --quiet");
         let mut lines = outcome.stderr.lines();
         let error = lines.next().unwrap_or_default();
         assert!(

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, project, scenario_text, shipped};
 
 /// However long a field is, an error can be read.
 #[test]
@@ -72,26 +72,23 @@ fn no_name_of_a_model_is_an_option() {
         let text = scenario_text("planar_3r");
         let line = text.lines().find(|line| line.starts_with("model = "));
         place.write("s.toml", text.replace(line.expect("a model"), &named));
-        place.run("check s.toml --quiet").ends_with(0);
+        place.done("check s.toml --quiet");
     }
 }
 
 /// What is compared with next to nothing is told as a difference.
 #[test]
 fn no_change_is_infinite() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m4.csv");
-    let new = place.json(&format!("evaluate s.toml --plan {}", plan.display()));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
+    let new = place.json(&format!("evaluate s.toml --plan {plan}"));
     place.write("new.json", new.to_string());
     for tiny in [1e-310, 5e-324, 0.0] {
         let mut base: Value = new.clone();
         base["rho0_mm"] = json!(tiny);
         base["compliance_std_rad_per_nm"][0] = json!(tiny);
         place.write("base.json", base.to_string());
-        let outcome = place
-            .run("compare base.json new.json --markdown m.md")
-            .ends_with(3);
+        let outcome = place.doubted("compare base.json new.json --markdown m.md");
         for text in [&outcome.stdout, &outcome.stderr, &place.read("m.md")] {
             assert!(!text.contains("inf ") && !text.contains("NaN"), "{text}");
         }

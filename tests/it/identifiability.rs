@@ -2,7 +2,7 @@
 
 use elastocal::identification::{Case, IdentificationError, IdentificationMessage, Sigma};
 use elastocal::measurement::Measurement;
-use elastocal::plan::{Experiment, Plan};
+use elastocal::plan::Plan;
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Method;
@@ -10,7 +10,10 @@ use nalgebra::dvector;
 use serde_json::Value;
 
 use crate::recovery::{differing, identified, noise_free, of_compliances};
-use crate::support::{Workplace, leave_open, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike, assert_alike_in, experiment, leave_open, list, scenario,
+    scenario_text, shipped, table4,
+};
 
 const METHODS: [Method; 2] = [Method::Linear, Method::Nonlinear];
 
@@ -49,17 +52,13 @@ fn joint_1_does_not_show_under_a_vertical_load() {
 
 #[test]
 fn an_unidentifiable_joint_ends_with_code_3_and_null() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("kr270_all_joints"));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
-    let plan = plan.display();
-    workplace
-        .run(&format!(
-            "measure s.toml --plan {plan} --measurements-out m.csv"
-        ))
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("kr270_all_joints"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    workplace.done(&format!(
+        "measure s.toml --plan {plan} --measurements-out m.csv"
+    ));
     let identify = "identify s.toml --measurements m.csv --identified-out i.json --json";
-    let outcome = workplace.run(&format!("{identify} --quiet")).ends_with(3);
+    let outcome = workplace.doubted(&format!("{identify} --quiet"));
     let condition =
         "condition C0201: the measurements do not determine the compliance of joint_1\n";
     assert_eq!(outcome.stderr, condition);
@@ -69,7 +68,7 @@ fn an_unidentifiable_joint_ends_with_code_3_and_null() {
         "compliance_std_rad_per_nm",
         "compliance_ci95_rad_per_nm",
     ] {
-        let values = json[key].as_array().expect("an array");
+        let values = list(&json[key]);
         assert_eq!(
             values.iter().map(Value::is_null).collect::<Vec<_>>(),
             [true, false, false, false, false, false],
@@ -78,17 +77,13 @@ fn an_unidentifiable_joint_ends_with_code_3_and_null() {
     }
     assert_eq!(json["rank"], 5);
     // The file serves all the same: joint 1 keeps its nominal compliance, but it matters at the test pose.
-    let compensated = workplace
-        .run("compensate s.toml --identified i.json --json")
-        .ends_with(3);
-    assert!(compensated.stderr.contains("not determined: joint_1;"));
+    let compensated = workplace.doubted("compensate s.toml --identified i.json --json");
+    compensated.says("not determined: joint_1;");
     assert!(compensated.json()["rho0_mm"].is_null());
 
-    let evaluated = workplace
-        .run(&format!("evaluate s.toml --plan {plan} --json"))
-        .ends_with(3);
+    let evaluated = workplace.doubted(&format!("evaluate s.toml --plan {plan} --json"));
     let condition = "condition C0101: the plan does not determine the compliance of joint_1\n";
-    assert!(evaluated.stderr.contains(condition), "{evaluated:#?}");
+    evaluated.says(condition);
     let json = evaluated.json();
     assert!(json["compliance_std_rad_per_nm"][0].is_null());
     assert!(json["compliance_std_rad_per_nm"][1].is_f64());
@@ -131,16 +126,14 @@ experiments = 3
 "#;
 
 fn twins() -> (Scenario, Vec<Measurement>) {
-    let workplace = Workplace::new();
-    workplace.write("twins.xml", TWINS);
+    let workplace = Workplace::with("twins.xml", TWINS);
     workplace.write("twins.toml", TWINS_SCENARIO);
-    let scenario = Scenario::load(&workplace.path("twins.toml")).expect("valid");
-    let experiment = |first, second, third| Experiment {
-        configuration_rad: dvector![first, second, third],
-        load: Load::force(0.0, 700.0, -700.0),
-        repeats: 1,
-        approach: None,
-        direction: None,
+    let scenario = workplace.scenario("twins.toml");
+    let experiment = |first, second, third| {
+        experiment(
+            dvector![first, second, third],
+            Load::force(0.0, 700.0, -700.0),
+        )
     };
     let plan = Plan {
         experiments: vec![experiment(0.1, 0.2, 0.3), experiment(0.6, -0.9, -0.4)],
@@ -159,18 +152,12 @@ fn joints_that_cannot_be_told_apart_are_both_named() {
         // Their sum is determined; what tells them apart keeps its nominal value, in typical sizes.
         let [first, second] = [0, 1].map(|joint| found.compliance_rad_per_nm[joint]);
         let tolerance = if method == Method::Linear { 0.02 } else { 1e-6 };
-        assert!(
-            ((first + second) / 4e-6 - 1.0).abs() < tolerance,
-            "{first}, {second}"
-        );
+        assert_alike(first + second, 4e-6, tolerance);
         let share = (first - 1e-6) / 1e-6 / ((second - 2e-6) / 2e-6);
         assert!((share - 0.5).abs() < 1e-6, "{share}");
         assert!(found.condition.is_finite());
         let third = found.parameters[2].estimate.expect("determined");
-        assert!(
-            (third.value / 4e-6 - 1.0).abs() < 0.02,
-            "{method:?}: {third:?}"
-        );
+        assert_alike_in(&method, third.value, 4e-6, 0.02);
     }
 }
 

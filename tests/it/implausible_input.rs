@@ -4,7 +4,7 @@
 use elastocal::scenario::Scenario;
 
 use crate::bad_input::{MEASUREMENTS, PLAN, assert_none, complaints};
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, number, scenario_text};
 
 const LOAD: &str = "kind = \"fixed\"\nforce_n = [0, 0, -2500]";
 const FORCE: &str = "force_n = [0, 280, -180]";
@@ -73,9 +73,8 @@ const SCENARIO_EDITS: &[(&str, &str, &[&str])] = &[
 
 #[test]
 fn scenarios() {
-    let workplace = Workplace::new();
-    workplace.write("bad.toml", scenario());
-    workplace.run("check bad.toml").ends_with(0);
+    let workplace = Workplace::with("bad.toml", scenario());
+    workplace.done("check bad.toml");
     let mut wrong = Vec::new();
     for (from, to, says) in SCENARIO_EDITS {
         let text = scenario();
@@ -104,7 +103,7 @@ fn rounding_is_plausible() {
     );
     workplace.write("plan.csv", PLAN.replace("0,0,-2500", "-3e-14,0,-2500"));
     // The plan points the tool too high.
-    workplace.run("check s.toml --plan plan.csv").ends_with(3);
+    workplace.doubted("check s.toml --plan plan.csv");
 }
 
 #[rustfmt::skip]
@@ -125,8 +124,7 @@ const MEASUREMENT_EDITS: &[(&str, &str, &[&str])] = &[
 
 #[test]
 fn tables() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     let mut wrong = Vec::new();
     for (from, to, says) in PLAN_EDITS {
         assert!(PLAN.contains(from), "{from:?}");
@@ -146,16 +144,12 @@ fn tables() {
 /// Numbers that no identification gives.
 #[test]
 fn identifications() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("m.csv", MEASUREMENTS);
-    workplace
-        .run("identify good.toml --measurements m.csv --identified-out good.json")
-        .ends_with(0);
-    let good: serde_json::Value =
-        serde_json::from_str(&workplace.read("good.json")).expect("is JSON");
+    workplace.done("identify good.toml --measurements m.csv --identified-out good.json");
+    let good = workplace.parsed("good.json");
     let covariance = "covariance_rad2_per_n2m2";
-    let variance = good[covariance][1][1].as_f64().expect("a number");
+    let variance = number(&good[covariance][1][1]);
     let mut wrong = Vec::new();
     for (key, index, value, says) in [
         ("compliance_rad_per_nm", None, 1e300, "joint_3: found 1e300"),
@@ -190,17 +184,10 @@ fn no_equilibrium_has_no_number() {
     let soft = "compliance_rad_per_nm = [1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]\n[instrument]";
     workplace.write("s.toml", scenario().replace("[instrument]", soft));
     workplace.write("plan.csv", PLAN);
-    let outcome = workplace.run("check s.toml --plan plan.csv").ends_with(3);
-    assert!(
-        outcome
-            .stdout
-            .contains("experiment 1: no static equilibrium"),
-        "{outcome:#?}"
-    );
+    let outcome = workplace.doubted("check s.toml --plan plan.csv");
+    outcome.prints("experiment 1: no static equilibrium");
     assert!(!outcome.stdout.contains("NaN"), "{outcome:#?}");
-    let outcome = workplace
-        .run("check s.toml --plan plan.csv --json")
-        .ends_with(3);
+    let outcome = workplace.doubted("check s.toml --plan plan.csv --json");
     assert!(!outcome.stdout.contains("NaN"), "{outcome:#?}");
 }
 

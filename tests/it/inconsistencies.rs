@@ -174,11 +174,11 @@ fn what_series_owe_to_one_prior_is_not_compared() {
     let text = place.read("s.toml").replace("parameters = [", all) + known;
     place.write("s.toml", text);
     let identify = "identify s.toml --measurements m.csv --against other.csv --parameters zeros";
-    let found = place.run(&format!("{identify} --json --quiet")).json();
-    let comparisons = found["inconsistencies"].as_array().expect("comparisons");
+    let found = place.record(identify);
+    let comparisons = crate::support::list(&found["inconsistencies"]);
     assert_eq!(comparisons.len(), 2, "{comparisons:?}");
     for each in comparisons {
-        let names = each["not_comparable"].as_array().expect("names");
+        let names = crate::support::list(&each["not_comparable"]);
         assert_eq!(names, &["shoulder_pan.compliance"], "{each}");
         assert_eq!(each["found"].as_array().map(Vec::len), Some(0), "{each}");
     }
@@ -308,14 +308,8 @@ fn halves_of_one_series_are_held_beside_each_other() {
     let all = read_of(&mut random, &arm, 160, 80.0, &|_, _| 0.0);
     let place = workplace(&all);
     let command = "identify s.toml --quiet --measurements m.csv --parameters zeros,compliances";
-    let outcome = place.run(command).ends_with(0);
-    assert!(
-        outcome
-            .stdout
-            .contains("none are inconsistent with each other"),
-        "{}",
-        outcome.stdout
-    );
+    let outcome = place.done(command);
+    outcome.prints("none are inconsistent with each other");
     let json = place.run(&format!("{command} --json")).json();
     let halves = json["inconsistencies"][0].clone();
     assert!(
@@ -347,27 +341,18 @@ fn halves_of_one_series_are_held_beside_each_other() {
         })
         .collect();
     place.write("m.csv", absolute_table(&6.into(), &mixed));
-    let outcome = place.run(command).ends_with(3);
-    assert!(
-        outcome
-            .stderr
-            .contains("condition C0213: inconsistency between series: elbow.compliance is"),
-        "{}",
-        outcome.stderr
-    );
+    let outcome = place.doubted(command);
+    outcome.says("condition C0213: inconsistency between series: elbow.compliance is");
 
     // The same as two files.
     place.write("m.csv", absolute_table(&6.into(), &all));
     place.write("n.csv", absolute_table(&6.into(), &others));
-    let outcome = place
-        .run(&format!("{command} --against n.csv"))
-        .ends_with(3);
+    let outcome = place.doubted(&format!("{command} --against n.csv"));
     let sentence = "condition C0213: inconsistency between series: elbow.compliance is";
-    assert!(outcome.stderr.contains(sentence), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("in n.csv"), "{}", outcome.stderr);
+    outcome.says(sentence);
+    outcome.says("in n.csv");
     place
-        .run(&format!("{command} --against m.csv"))
-        .ends_with(1)
+        .refused(&format!("{command} --against m.csv"))
         .says("holds the same readings as m.csv");
 }
 
@@ -379,22 +364,11 @@ fn what_cannot_be_held_against_is_refused() {
     let all = read_of(&mut random, &arm, 20, 0.0, &|_, _| 0.0);
     let place = workplace(&all);
     let command = "identify s.toml --quiet --measurements m.csv --parameters zeros --against n.csv";
-    place.run(command).ends_with(1);
+    place.refused(command);
     place.write("n.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
-    let outcome = place.run(command).ends_with(1);
-    assert!(
-        outcome.stderr.contains("a file of absolute readings"),
-        "{}",
-        outcome.stderr
-    );
+    place.refused(command).says("a file of absolute readings");
     let few = read_of(&mut random, &arm, 6, 0.0, &|_, _| 0.0);
     place.write("n.csv", absolute_table(&6.into(), &few));
-    let outcome = place.run(command).ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("8 different configurations are needed: 6"),
-        "{}",
-        outcome.stderr
-    );
+    let outcome = place.refused(command);
+    outcome.says("8 different configurations are needed: 6");
 }

@@ -5,48 +5,40 @@ use std::fmt::Write as _;
 use serde_json::Value;
 
 use crate::robots::{Additions, iiwa, ur5e, ur10};
-use crate::support::{Outcome, Workplace, error_message, numbers, project};
+use crate::support::{
+    Outcome, Workplace, assert_has, error_message, list, number, numbers, project, shipped,
+};
 
 /// What becomes of a model: the scenario is accepted, and quickly planned with.
 fn drafted(name: &str, model: &str) -> (Value, String) {
-    let place = Workplace::new();
-    place.write(name, model);
+    let place = Workplace::with(name, model);
     let outcome = place.run(&format!("init {name} --scenario-out my.toml --json"));
     let json = outcome.ends_with(0).json();
-    place.run("check my.toml --quiet").ends_with(0);
+    place.done("check my.toml --quiet");
     let text = place.read("my.toml");
     let schema = text
         .lines()
         .next()
         .and_then(|line| line.strip_prefix("#:schema "));
     let schema = place.read(schema.expect("the first line names the schema"));
-    assert_eq!(schema, place.run("schema").ends_with(0).stdout);
+    assert_eq!(schema, place.done("schema").stdout);
     (json, text)
 }
 
 fn refused(name: &str, model: &str) -> Outcome {
-    let place = Workplace::new();
-    place.write(name, model);
-    let outcome = place
-        .run(&format!("init {name} --scenario-out my.toml"))
-        .ends_with(1);
+    let place = Workplace::with(name, model);
+    let outcome = place.refused(&format!("init {name} --scenario-out my.toml"));
     assert_eq!(place.listing(), [name], "no half a file");
     assert!(
         error_message(&outcome.stderr).is_some_and(|said| said.starts_with(&format!("{name}: "))),
-        "{}",
-        outcome.stderr
+        "{outcome:#?}"
     );
-    assert_eq!(
-        outcome.stderr.matches("error E").count(),
-        1,
-        "{}",
-        outcome.stderr
-    );
+    assert_eq!(outcome.stderr.matches("error E").count(), 1, "{outcome:#?}");
     outcome
 }
 
 fn joints(json: &Value) -> Vec<String> {
-    let joints = json["robot"]["joints"].as_array().expect("a list");
+    let joints = list(&json["robot"]["joints"]);
     let name = |joint: &Value| joint["name"].as_str().expect("a name").to_owned();
     joints.iter().map(name).collect()
 }
@@ -68,19 +60,11 @@ fn arms_with_sites_and_stiffnesses_are_taken_as_they_are() {
 #[test]
 fn the_paper_s_robot_gets_its_own_tools() {
     let place = Workplace::new();
-    let model = project("models/kr270.xml");
-    place
-        .run(&format!("init {} --scenario-out a.toml", model.display()))
-        .ends_with(0);
+    let model = shipped("models/kr270.xml");
+    place.done(&format!("init {model} --scenario-out a.toml"));
     let text = place.read("a.toml");
-    assert!(
-        text.contains("calibration_site = \"calibration_tcp\""),
-        "{text}"
-    );
-    assert!(
-        text.contains("machining_site = \"machining_tcp\""),
-        "{text}"
-    );
+    assert_has(&text, "calibration_site = \"calibration_tcp\"");
+    assert_has(&text, "machining_site = \"machining_tcp\"");
     assert!(text.contains("\ncollision_clearance_mm = 10"), "{text}");
     for kind in ["compliance", "joint_zero", "link_position"] {
         let prior = format!("[[uncertainty]]\nkind = \"{kind}\"\njoints = [");
@@ -95,18 +79,12 @@ fn the_paper_s_robot_gets_its_own_tools() {
     assert!(functions.contains("correlation_deg = 3.5"), "{functions}");
     let with_functions = format!("{before}[[uncertainty]]\n{functions}\n\n{after}");
     place.write("b.toml", &with_functions);
-    place.run("check b.toml --quiet").ends_with(0);
-    place
-        .run("plan a.toml --experiments 4 --no-proof --plan-out p.csv --quiet")
-        .ends_with(0);
-    let again = place.run(&format!("init {} --scenario-out a.toml", model.display()));
+    place.done("check b.toml --quiet");
+    place.done("plan a.toml --experiments 4 --no-proof --plan-out p.csv --quiet");
+    let again = place.run(&format!("init {model} --scenario-out a.toml"));
     let again = again.ends_with(1);
-    assert!(
-        again.stderr.contains("a.toml: is there already"),
-        "{}",
-        again.stderr
-    );
-    assert!(again.stderr.contains("--scenario-out"), "{}", again.stderr);
+    again.says("a.toml: is there already");
+    again.says("--scenario-out");
     assert_eq!(place.read("a.toml"), text);
 }
 
@@ -151,14 +129,11 @@ fn a_simulation_s_arm_gets_guesses_and_its_hand_is_locked() {
     );
     assert!(text.contains("actuators = \"ignored\""), "{text}");
     assert!(text.contains("frictionloss"), "{text}");
-    assert!(
-        text.contains("locked_mm = { \"finger -1\" = 0, \"finger 1\" = 0 }"),
-        "{text}"
-    );
+    assert_has(&text, "locked_mm = { \"finger -1\" = 0, \"finger 1\" = 0 }");
     assert!(text.contains("on = \"link 5\""), "{text}");
     assert!(text.contains("\ncompliance_rad_per_nm = ["), "{text}");
-    for joint in json["robot"]["joints"].as_array().expect("a list") {
-        let compliance = joint["compliance_rad_per_nm"].as_f64().expect("a number");
+    for joint in list(&json["robot"]["joints"]) {
+        let compliance = number(&joint["compliance_rad_per_nm"]);
         assert!((1e-9..=5e-4).contains(&compliance), "{joint}");
     }
 }
@@ -192,8 +167,7 @@ fn the_tip_chooses_among_arms() {
         arm("left", 0.3),
         arm("right", -0.3)
     );
-    let place = Workplace::new();
-    place.write("two.xml", model);
+    let place = Workplace::with("two.xml", model);
     for (tip, side, site) in [
         ("", "left", "left_tool"),
         ("--tip right_tool", "right", "right_tool"),
@@ -213,9 +187,7 @@ fn the_tip_chooses_among_arms() {
         let wanted = format!("calibration_site = \"{site}\"");
         assert!(scenario.contains(&wanted), "{tip}: {scenario}");
     }
-    let outcome = place
-        .run("init two.xml --scenario-out no.toml --tip nothing")
-        .ends_with(1);
+    let outcome = place.refused("init two.xml --scenario-out no.toml --tip nothing");
     outcome
         .says("no site named \"nothing\"")
         .says("nor a body of that name; bodies: ");
@@ -233,7 +205,7 @@ fn models_are_named_from_the_scenario() {
     place.run("init robot/arm.xml --scenario-out cells/a.toml --quiet");
     let text = place.read("cells/a.toml");
     assert!(text.contains("model = \"../robot/arm.xml\""), "{text}");
-    place.run("check cells/a.toml --quiet").ends_with(0);
+    place.done("check cells/a.toml --quiet");
 }
 
 #[test]
@@ -253,12 +225,8 @@ fn what_cannot_serve_is_one_error_and_no_file() {
             .contains("XML")
     );
     let place = Workplace::new();
-    let outcome = place.run("init missing.xml").ends_with(1);
-    assert!(
-        outcome.stderr.contains("missing.xml: cannot be read"),
-        "{}",
-        outcome.stderr
-    );
+    let outcome = place.refused("init missing.xml");
+    outcome.says("missing.xml: cannot be read");
     assert_eq!(place.listing(), Vec::<String>::new());
 }
 
@@ -293,7 +261,7 @@ fn a_urdf_is_a_model_without_stiffnesses_and_tools() {
     let (json, text) = drafted("arm.urdf", &described("package://arm/meshes/none.stl"));
     assert_eq!(joints(&json), ["joint_1", "joint_2", "joint_3", "joint_4"]);
     assert!(text.contains("on = \"tool0\""), "{text}");
-    let warnings = json["warnings"].as_array().expect("a list");
+    let warnings = list(&json["warnings"]);
     let told = |what: &str| {
         warnings
             .iter()
@@ -303,8 +271,8 @@ fn a_urdf_is_a_model_without_stiffnesses_and_tools() {
         told("1 of its meshes cannot be had, such as package://arm/meshes/none.stl"),
         "{warnings:?}"
     );
-    let masses: Vec<f64> = (json["robot"]["joints"].as_array().expect("a list").iter())
-        .map(|joint| joint["moving_mass_kg"].as_f64().expect("a number"))
+    let masses: Vec<f64> = (list(&json["robot"]["joints"]).iter())
+        .map(|joint| number(&joint["moving_mass_kg"]))
         .collect();
     for (mass, expected) in masses.iter().zip([30.2, 21.2, 13.2, 6.2]) {
         assert!((mass - expected).abs() < 1e-6, "{masses:?}");
@@ -338,11 +306,7 @@ fn what_generators_leave_in_a_urdf_is_no_hindrance() {
             .replace("<!-- <xacro", "<xacro")
             .replace("/>\n -->", "/>"),
     );
-    assert!(
-        outcome.stderr.contains("run xacro first"),
-        "{}",
-        outcome.stderr
-    );
+    outcome.says("run xacro first");
 }
 
 #[test]
@@ -370,24 +334,11 @@ fn meshes_that_are_found_collide_and_belong_to_the_hash() {
         "arm/urdf/arm.urdf",
         described("package://arm/meshes/link.obj"),
     );
-    let outcome = place
-        .run("init arm/urdf/arm.urdf --scenario-out my.toml --json")
-        .ends_with(0);
-    assert!(
-        !outcome.stdout.contains("cannot be had"),
-        "{}",
-        outcome.stdout
-    );
-    assert!(
-        place
-            .read("my.toml")
-            .contains("\ncollision_clearance_mm = 10")
-    );
+    let outcome = place.done("init arm/urdf/arm.urdf --scenario-out my.toml --json");
+    outcome.does_not_print("cannot be had");
+    assert_has(&place.read("my.toml"), "\ncollision_clearance_mm = 10");
     let hash = |place: &Workplace| {
-        let json = place
-            .run("check my.toml --json --quiet")
-            .ends_with(0)
-            .json();
+        let json = place.json("check my.toml");
         json["provenance"]["scenario_sha256"].clone()
     };
     let before = hash(&place);
@@ -395,18 +346,13 @@ fn meshes_that_are_found_collide_and_belong_to_the_hash() {
     assert_ne!(hash(&place), before);
     // A mesh that MuJoCo refuses is left out with its words.
     place.write("arm/meshes/link.obj", "v 0 0 0\n");
-    let outcome = place.run("check my.toml").ends_with(0);
-    assert!(
-        outcome.stderr.contains("MuJoCo refuses its meshes"),
-        "{}",
-        outcome.stderr
-    );
+    let outcome = place.done("check my.toml");
+    outcome.says("MuJoCo refuses its meshes");
 }
 
 #[test]
 fn a_urdf_s_arm_is_where_its_frames_say() {
-    let place = Workplace::new();
-    place.write("arm.urdf", described("none.stl"));
+    let place = Workplace::with("arm.urdf", described("none.stl"));
     place.write(
         "my.toml",
         r#"[robot]
@@ -433,10 +379,7 @@ force_n = [0, 0, -100]
 experiments = 2
 "#,
     );
-    let json = place
-        .run("check my.toml --json --quiet")
-        .ends_with(0)
-        .json();
+    let json = place.json("check my.toml");
     // Joint 1 turns to +y, joint 2 lies at 0.8 m: 0.4 + 0.4 + 0.1 m along y, and the tip 50 mm below.
     let tool = numbers(&json["test_poses"][0]["calibration_tool_mm"]);
     for (found, expected) in tool.iter().zip([0.0, 900.0, 750.0]) {
@@ -486,15 +429,14 @@ fn numbers_that_no_robot_has_are_refused_by_name() {
         (scene("", "nan 2", "0", END, ""), "range=\"nan 2\""),
     ] {
         let outcome = refused("arm.xml", &model);
-        assert!(outcome.stderr.contains(says), "{says}: {}", outcome.stderr);
+        outcome.says(says);
     }
-    let place = Workplace::new();
-    place.write("arm.xml", scene("", "-2 2", "500", END, ""));
-    let outcome = place.run("init arm.xml --scenario-out a.toml").ends_with(0);
+    let place = Workplace::with("arm.xml", scene("", "-2 2", "500", END, ""));
+    let outcome = place.done("init arm.xml --scenario-out a.toml");
     outcome.says(
         "warning: the centre of mass of what j2 moves with its link lies 500.0 m from the joint",
     );
-    let checked = place.run("check a.toml").ends_with(3);
+    let checked = place.doubted("check a.toml");
     assert!(!checked.stdout.contains("is valid"), "{checked:#?}");
     checked.says("condition C0503: the centre of mass of what j2 moves with its link lies 500.0 m");
 }
@@ -557,8 +499,7 @@ fn a_moving_jaw_is_no_joint_of_the_arm() {
         let (json, _) = drafted("arm.xml", &scene("", "-2 2", "0", &hand, ""));
         assert_eq!(joints(&json), expected);
     }
-    let place = Workplace::new();
-    place.write(
+    let place = Workplace::with(
         "arm.xml",
         scene("", "-2 2", "0", &hand(frame, "jaw_6", "-0.17 1.7"), ""),
     );

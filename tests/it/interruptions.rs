@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text};
+use crate::support::{Workplace, assert_has, scenario_text, shipped};
 
 /// A study of one plan file under the conditions of the paper.
 fn one_plan() -> String {
@@ -17,11 +17,10 @@ fn one_plan() -> String {
         .last()
         .expect("a plan");
     assert!(plan.contains("optimal"));
-    let file = crate::support::project("scenarios/plans/klimchik2012_m12.csv");
+    let file = shipped("scenarios/plans/klimchik2012_m12.csv");
     format!(
-        "{}[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = \"{}\"\n",
-        &text[..plans],
-        file.display()
+        "{}[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = \"{file}\"\n",
+        &text[..plans]
     )
 }
 
@@ -29,12 +28,9 @@ fn one_plan() -> String {
 /// last tally and ends with the same bits as one that ran through.
 #[test]
 fn a_killed_study_goes_on_to_the_same_bits() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", one_plan());
+    let workplace = Workplace::with("s.toml", one_plan());
     let study = "study s.toml --quiet --threads 1 --trials 8000000";
-    workplace
-        .run(&format!("{study} --out through"))
-        .ends_with(0);
+    workplace.done(&format!("{study} --out through"));
 
     let done = || {
         let text = std::fs::read_to_string(workplace.path("tally.json")).ok()?;
@@ -68,7 +64,7 @@ fn a_killed_study_goes_on_to_the_same_bits() {
         before < 8_000_000_u64.div_ceil(2048),
         "nothing was left to do"
     );
-    workplace.run(&resumed).ends_with(0);
+    workplace.done(&resumed);
     assert_eq!(
         workplace.read("killed/s/study.csv"),
         workplace.read("through/s/study.csv")
@@ -136,12 +132,9 @@ impl Started {
 /// An interrupted study keeps what is done, says so, writes no results, and goes on to the same bits.
 #[test]
 fn an_interrupted_study_goes_on_to_the_same_bits() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", one_plan());
+    let workplace = Workplace::with("s.toml", one_plan());
     let study = "study s.toml --threads 1 --trials 2000000";
-    workplace
-        .run(&format!("{study} --quiet --out through"))
-        .ends_with(0);
+    workplace.done(&format!("{study} --quiet --out through"));
     let resumed = format!("{study} --resume tally.json");
     for signal in ["-INT", "-TERM"] {
         let before =
@@ -165,16 +158,13 @@ fn an_interrupted_study_goes_on_to_the_same_bits() {
             stderr.starts_with("interrupted: tally.json keeps "),
             "{stderr}"
         );
-        assert!(
-            stderr.contains("the same command goes on from there"),
-            "{stderr}"
-        );
+        assert_has(&stderr, "the same command goes on from there");
         assert_eq!(stderr.lines().count(), 1, "{stderr}");
-        let tally: Value = serde_json::from_str(&workplace.read("tally.json")).expect("is whole");
+        let tally = workplace.parsed("tally.json");
         assert_ne!(tally["blocks_done"], 0);
         assert_eq!(workplace.listing(), expected_files(&["tally.json"]));
     }
-    workplace.run(&format!("{resumed} --quiet")).ends_with(0);
+    workplace.done(&format!("{resumed} --quiet"));
     assert_eq!(
         workplace.read("out/s/study.csv"),
         workplace.read("through/s/study.csv")
@@ -250,12 +240,11 @@ fn an_interrupted_search_of_a_study_or_run_keeps_nothing() {
 
 #[test]
 fn other_commands_end_at_once() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m12.csv");
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m12.csv");
     for (arguments, says) in [
         (
-            format!("evaluate s.toml --plan {}", plan.display()),
+            format!("evaluate s.toml --plan {plan}"),
             "searching the bound",
         ),
         ("reproduce s.toml --out out".to_owned(), "designing"),
@@ -274,8 +263,7 @@ fn other_commands_end_at_once() {
 /// `plan` and `budget` make something of what they have.
 #[test]
 fn an_interrupted_search_keeps_its_best_plan() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
     for (arguments, says, file) in [
         (
             "plan s.toml --experiments 6 --plan-out p.csv",
@@ -287,18 +275,12 @@ fn an_interrupted_search_keeps_its_best_plan() {
         let started = Started::new(&workplace, arguments).says(says);
         let (code, _, stderr) = started.ends_after("-INT");
         assert_eq!(code, Some(3), "{stderr}");
-        assert!(
-            stderr.contains("stopping: keeping the best plan"),
-            "{stderr}"
-        );
-        assert!(
-            stderr.contains("condition C0106: the search was stopped"),
-            "{stderr}"
-        );
+        assert_has(&stderr, "stopping: keeping the best plan");
+        assert_has(&stderr, "condition C0106: the search was stopped");
         assert!(workplace.path(file).is_file());
     }
     let evaluate = "evaluate s.toml --plan p.csv --quiet";
-    workplace.run(evaluate).ends_with(0);
+    workplace.done(evaluate);
 }
 
 /// However large an arm is, a search ends when it is told to: with a plan, or without.
@@ -318,9 +300,7 @@ fn searches_of_large_arms_end_soon() {
         "<mujoco><worldbody>{bodies}<site name=\"tool\" pos=\"0.1 0 0.1\"/>{ends}</worldbody><actuator>{servos}</actuator></mujoco>"
     );
     workplace.write("m.xml", model);
-    workplace
-        .run("init m.xml --scenario-out s.toml")
-        .ends_with(0);
+    workplace.done("init m.xml --scenario-out s.toml");
     for signal in ["-INT", "-TERM"] {
         let started = Started::new(&workplace, "plan s.toml --experiments 40 --plan-out p.csv");
         let (code, _, stderr) = started.says("designing").ends_soon_after(signal);
@@ -332,8 +312,7 @@ fn searches_of_large_arms_end_soon() {
 /// `nohup` has a study outlive its terminal.
 #[test]
 fn nohup_is_heeded() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", one_plan());
+    let workplace = Workplace::with("s.toml", one_plan());
     let study = "study s.toml --quiet --threads 1 --trials 1000000";
     let script = format!("trap '' HUP; \"$ELASTOCAL\" {study} & sleep 0.5; kill -HUP $!; wait $!");
     workplace.shell(&script).ends_with(0);
@@ -374,8 +353,7 @@ fn run_on_a_full_disk(workplace: &Workplace, size_kb: u32, arguments: &str) -> O
 /// and nothing is left as if it were whole.
 #[test]
 fn a_full_disk_costs_no_result() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", one_plan());
+    let workplace = Workplace::with("s.toml", one_plan());
     let arguments = "study s.toml --json --trials 30000 --out full --resume full/tally.json";
     let Some(output) = run_on_a_full_disk(&workplace, 16, arguments) else {
         return;
@@ -384,17 +362,13 @@ fn a_full_disk_costs_no_result() {
     let printed: Value = serde_json::from_slice(&output.stdout).expect("the whole result");
     assert_eq!(printed["plans"][0]["runs"], 30_000);
     assert_eq!(output.status.code(), Some(3), "{stderr}");
-    assert!(
-        stderr.contains("cannot be written: No space left"),
-        "{stderr}"
-    );
+    assert_has(&stderr, "cannot be written: No space left");
 }
 
 /// `run` says which files of its results are there and which are not, and prints its result.
 #[test]
 fn a_run_on_a_full_disk_says_what_is_there() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("planar_3r"));
+    let workplace = Workplace::with("s.toml", scenario_text("planar_3r"));
     let arguments = "run s.toml --json --out full";
     let Some(output) = run_on_a_full_disk(&workplace, 64, arguments) else {
         return;
@@ -403,10 +377,7 @@ fn a_run_on_a_full_disk_says_what_is_there() {
     assert_eq!(output.status.code(), Some(3), "{stderr}");
     let printed: Value = serde_json::from_slice(&output.stdout).expect("the whole result");
     assert_eq!(printed["schema"]["name"], "elastocal.run");
-    assert!(
-        stderr.contains("full/s/run.rrd: cannot be written: No space left"),
-        "{stderr}"
-    );
+    assert_has(&stderr, "full/s/run.rrd: cannot be written: No space left");
     assert!(
         stderr.contains("condition C0601: written: full/s/plan.csv, full/s/measurements.csv"),
         "{stderr}"

@@ -7,7 +7,7 @@ use elastocal::identification::patterns::{Against, Course, Drifting, Pattern};
 use elastocal::identification::{FitChoices, ParameterGroup, ReadingWeights};
 use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
@@ -19,22 +19,19 @@ use serde_json::{Value, json};
 
 use crate::model_selection::{Gear, read_of, waves};
 use crate::one_fit::{between, seen_arm, ur10, workplace};
-use crate::support::{Workplace, numbers, project, scenario_text};
+use crate::support::{Workplace, list, numbers, scenario_text, setup, shipped};
 
 /// Where the tool of a robot is that is told to stand so, as the instrument sees it.
 fn stands(arm: &ElasticArm, gear: Gear<'_>, told: &DVector<f64>) -> Isometry3<f64> {
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, arm, &[]);
-    let setup = Setup {
-        hangs_on: None,
-        commanded_rad: DVector::from_fn(told.len(), |joint, _| {
+    let setup = setup(
+        DVector::from_fn(told.len(), |joint, _| {
             told[joint] + gear(joint, told[joint])
         }),
-        load: Load::NONE,
-        target: 0,
-        station: 0,
-        approach: None,
-    };
+        Load::NONE,
+        0,
+    );
     let mut ignored = Matrix6xX::zeros(0);
     let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
     let rotation = Rotation3::from_matrix_unchecked(seen.rotation);
@@ -62,13 +59,13 @@ type Waves = Box<dyn Fn(usize, f64) -> f64>;
 fn absolute_targets_are_reached_by_joints_that_are_off() {
     let (place, arm, waves, mut random) = identified();
     let gear = waves.as_ref();
-    let identified: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let identified = place.parsed("i.json");
     let tool = identified["targets"][0]["name"].as_str().expect("a name");
     // The next campaign knows of them, but not what they are.
     let next = place.read("s.toml");
     let next = next.replacen("[robot]\n", "[robot]\nprior = \"i.json\"\n", 1);
     place.write("next.toml", next);
-    let next = Scenario::load(&place.path("next.toml")).expect("a scenario");
+    let next = place.scenario("next.toml");
     let is_said = |each: &Condition| each.code == ConditionCode::SameJointErrors;
     assert!(next.doubts.iter().any(is_said), "{:?}", next.doubts);
     let mut plain = identified.clone();
@@ -91,7 +88,7 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
         ));
         let json = outcome.json();
         assert_eq!(json["corrects_joint_errors"], json!(is_corrected));
-        let found = json["targets"].as_array().expect("targets");
+        let found = list(&json["targets"]);
         let off = found.iter().zip(&wanted).map(|(found, wanted)| {
             let told = numbers(&found["q_commanded_deg"]);
             let told = told.into_iter().map(f64::to_radians);
@@ -109,16 +106,10 @@ fn absolute_targets_are_reached_by_joints_that_are_off() {
     let outcome = place.run(&format!(
         "compensate s.toml --quiet --identified i.json --targets t.csv --tool {tool}"
     ));
-    assert!(
-        outcome.stdout.contains("what joints are off by"),
-        "{}",
-        outcome.stdout
-    );
+    outcome.prints("what joints are off by");
     // A model has no such errors, which is said.
-    let json = place
-        .run("export s.toml --quiet --identified i.json --model-out c.xml --json")
-        .json();
-    let said = json["not_expressed"].as_array().expect("a list").iter();
+    let json = place.record("export s.toml --identified i.json --model-out c.xml");
+    let said = list(&json["not_expressed"]).iter();
     let said: Vec<&str> = said.filter_map(Value::as_str).collect();
     assert!(
         said.iter()
@@ -133,8 +124,7 @@ fn a_table_has_what_joints_are_off_by() {
     let (place, arm, waves, _) = identified();
     place.run("export s.toml --quiet --identified i.json --model-out c.xml");
     let json = place
-        .run("export s.toml --quiet --identified i.json --model-out d.xml --joint-errors-out e.csv --json")
-        .json();
+        .record("export s.toml --identified i.json --model-out d.xml --joint-errors-out e.csv");
     let said = json["not_expressed"].to_string();
     assert!(!said.contains("off by as functions"), "{said}");
     let off = |model: &str, table: &[TableRow]| {
@@ -145,7 +135,7 @@ fn a_table_has_what_joints_are_off_by() {
             .expect("a model");
         let text = text.replace(own, &format!("model = \"{model}\""));
         place.write("calibrated.toml", text);
-        let scenario = Scenario::load(&place.path("calibrated.toml")).expect("a scenario");
+        let scenario = place.scenario("calibrated.toml");
         let mut said = scenario.task.belief.arm();
         said.instrument_from_base = vec![Isometry3::identity()];
         let gear = |joint: usize, angle: f64| error_at(table, &scenario, joint, angle);
@@ -168,17 +158,12 @@ fn a_table_has_what_joints_are_off_by() {
     let (with, without) = (off("d.xml", &table), off("c.xml", &[]));
     println!("{with:.4} mm, {without:.4} mm without");
     assert!(without > 0.1 && with < 0.4 * without, "{with} {without}");
-    let mut plain: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let mut plain = place.parsed("i.json");
     plain["discrepancy_model"] = Value::Null;
     place.write("plain.json", plain.to_string());
     let plain =
         "export s.toml --quiet --identified plain.json --model-out f.xml --joint-errors-out g.csv";
-    let outcome = place.run(plain).ends_with(1);
-    assert!(
-        outcome.stderr.contains("--joint-errors off"),
-        "{}",
-        outcome.stderr
-    );
+    place.refused(plain).says("--joint-errors off");
     assert!(!place.path("f.xml").exists());
 }
 
@@ -259,16 +244,11 @@ fn drifts_show_beside_joint_errors() {
 /// Deflections have no joint error functions: the option is refused by its name.
 #[test]
 fn deflections_have_no_joint_error_functions() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let measure = format!(
-        "measure s.toml --plan {} --measurements-out m.csv --quiet",
-        plan.display()
-    );
-    place.run(&measure).ends_with(0);
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    let measure = format!("measure s.toml --plan {plan} --measurements-out m.csv --quiet");
+    place.done(&measure);
     place
-        .run("identify s.toml --measurements m.csv --joint-errors on --quiet")
-        .ends_with(1)
+        .refused("identify s.toml --measurements m.csv --joint-errors on --quiet")
         .says("holds deflections, and --joint-errors is for absolute readings");
 }

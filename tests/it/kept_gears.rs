@@ -5,7 +5,7 @@ use elastocal::numeric::random::generator;
 
 use crate::absolute_trials::holds;
 use crate::one_fit::between;
-use crate::support::{Workplace, absolute_scenario_text, number};
+use crate::support::{Workplace, absolute_scenario_text, assert_near, assert_near_in, number};
 use crate::uncertainties::expected_mm;
 
 /// Readings of two targets, from a station that is known; joints return, and do not.
@@ -102,8 +102,7 @@ fn keep_their_errors(correlation: &str) {
 /// What hidden functions leave is told to first order; and with a correlation over hundreds of turns a joint's error is its zero.
 #[test]
 fn hidden_functions_leave_what_is_told() {
-    let place = Workplace::new();
-    place.write("none.toml", absolute(""));
+    let place = Workplace::with("none.toml", absolute(""));
     place.json("plan none.toml --parameters zeros --draw 40 --plan-out p.csv");
     place.write(
         "hidden.toml",
@@ -114,10 +113,7 @@ fn hidden_functions_leave_what_is_told() {
     let trials = &hidden["trials"];
     let [observed, error] = ["rms_mm", "rms_std_mm"].map(|key| number(&trials[key]));
     let expected = expected_mm(trials);
-    assert!(
-        (observed - expected).abs() < 3.0 * error + 0.03 * expected,
-        "{observed} {expected} {trials}"
-    );
+    assert_near_in(&trials, observed, expected, 3.0 * error + 0.03 * expected);
     assert!(observed > 2.0 * number(&trials["predicted_rms_mm"]));
 }
 
@@ -125,8 +121,7 @@ fn hidden_functions_leave_what_is_told() {
 /// predicted is 1, of some 35 degrees of freedom (3 standard deviations).
 #[test]
 fn runs_count_the_functions_that_they_identify() {
-    let place = Workplace::new();
-    place.write("kept.toml", absolute(&gears("correlation_deg = 40", "")));
+    let place = Workplace::with("kept.toml", absolute(&gears("correlation_deg = 40", "")));
     place.json("plan kept.toml --parameters zeros --draw 40 --plan-out kept.csv");
     let square = |seed: u32| {
         // A robot may be off by more than is usual, which is a condition.
@@ -175,18 +170,14 @@ fn functions_do_not_hide_what_is_unknown() {
         zeros.iter().filter(is_held).count()
     };
     let share = (1..=30).map(held).sum::<usize>() as f64 / 120.0;
-    assert!(
-        (share - 0.95).abs() < 3.0 * (0.95_f64 * 0.05 / 120.0).sqrt(),
-        "{share}"
-    );
+    assert_near(share, 0.95, 3.0 * (0.95_f64 * 0.05 / 120.0).sqrt());
 }
 
 /// What a budget and the next readings reach is what the plan of as many readings does: all three look near what they choose. Of sampled
 /// configurations alone the best had three times as much.
 #[test]
 fn budgets_and_next_readings_are_as_good_as_plans() {
-    let place = Workplace::new();
-    place.write(
+    let place = Workplace::with(
         "kept.toml",
         absolute(&gears("correlation_deg = 40", ""))
             .replace("experiments = 20", "experiments = 12"),

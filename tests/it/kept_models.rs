@@ -120,8 +120,7 @@ fn a_model_with_a_large_mesh_is_kept_and_says_the_same() {
 
 #[test]
 fn a_small_model_is_not_kept() {
-    let workplace = Workplace::new();
-    workplace.write("my.toml", crate::support::scenario_text("planar_3r"));
+    let workplace = Workplace::with("my.toml", crate::support::scenario_text("planar_3r"));
     check(&workplace).ends_with(0);
     assert_eq!(kept(&workplace), Vec::<PathBuf>::new());
 }

@@ -9,11 +9,11 @@ use elastocal::compensation::test_pose_matrix;
 use elastocal::experiment::Loads;
 use elastocal::plan::search::{ExactDesign, Problem, SearchError, approximate_design};
 use elastocal::plan::{Criterion, Experiment};
-use elastocal::robot::{KinematicState, Load};
+use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 
 use crate::planning::{OPTIMISED, assert_close, best_rho0, designed, largest_derivative};
-use crate::support::{leave_open, scenario};
+use crate::support::{leave_open, scenario, state_at};
 
 // Link lengths of models/planar_3r.xml and of models/spatial_3r.xml (m).
 const PLANAR_M: [f64; 3] = [0.7, 0.5, 0.5];
@@ -38,16 +38,6 @@ fn test_pose_columns(scenario: &Scenario) -> Vec<f64> {
         &scenario.task.belief.parameters,
     );
     matrix.column_iter().map(|column| column.norm()).collect()
-}
-
-fn state_of(scenario: &Scenario, experiment: &Experiment) -> KinematicState {
-    let arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
-    arm.state(experiment.configuration_rad.as_slice())
 }
 
 fn best(scenario: &Scenario, criterion: Criterion, experiments: u32) -> ExactDesign {
@@ -88,7 +78,7 @@ fn one_compliance_is_seen_best_by_the_stretched_arm() {
             assert_close(&format!("joint {}", joint + 1), found, expected, 1e-6);
         }
         let plan = best(&scenario, Criterion::TestPose, 1).plan;
-        let state = state_of(&scenario, &plan.experiments[0]);
+        let state = state_at(&scenario, &plan.experiments[0].configuration_rad);
         let moved = state.position_column(joint);
         assert_close("the stretched arm", moved.norm(), length, 1e-6);
         assert_close("at right angles", moved.z.abs(), length, 1e-6);
@@ -126,7 +116,7 @@ fn the_d_optimal_elbow_of_two_equal_links_is_65_degrees() {
     let experiment = &found.plan.experiments[0];
     let elbow = experiment.configuration_rad[2].abs();
     assert!((elbow - 2.0 * c.acos()).abs() < 1e-3, "{elbow} rad");
-    let state = state_of(&scenario, experiment);
+    let state = state_at(&scenario, &experiment.configuration_rad);
     let cosine = |joint: usize| state.position_column(joint).normalize().z.abs();
     assert!((cosine(1) - cosine(2)).abs() < 1e-3);
 

@@ -10,7 +10,9 @@ use serde_json::Value;
 
 use crate::absolute_trials::holds;
 use crate::bad_input::{assert_none, complaints};
-use crate::support::{Workplace, number, numbers, project, scenario_text};
+use crate::support::{
+    Workplace, assert_alike, assert_alike_in, list, number, numbers, project, scenario_text,
+};
 use crate::uncertainties::loaded;
 
 /// A source of stations, with more keys.
@@ -20,8 +22,7 @@ fn source(kind: &str, keys: &str) -> String {
 
 /// A workplace with one of the scenarios of lengths, more of it, and its plan.
 fn workplace(name: &str, more: &str) -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text(name) + more);
+    let place = Workplace::with("s.toml", scenario_text(name) + more);
     let plan = project(&format!("scenarios/plans/{name}.csv"));
     place.write("plan.csv", std::fs::read(plan).expect("read"));
     place
@@ -47,10 +48,7 @@ fn contribution_um(json: &Value, name: &str) -> f64 {
     let own = |each: &Value| number(&each["contribution_um"]);
     let square: f64 = sources.iter().map(|each| own(each).powi(2)).sum();
     let whole_um = rho0_mm(json) * 1e3;
-    assert!(
-        (square.sqrt() / whole_um - 1.0).abs() < 1e-6,
-        "{sources:#?}"
-    );
+    assert_alike_in(&sources, square.sqrt(), whole_um, 1e-6);
     let found = sources.iter().find(|each| each["source"] == name);
     own(found.unwrap_or_else(|| panic!("no {name}: {sources:#?}")))
 }
@@ -116,10 +114,7 @@ fn a_height_is_known_where_the_table_is() {
     assert!((here_m / 5e-5 - 1.0).abs() < 1e-6, "{here_m}");
     let apart_m = 2e-4 * place_m.x.hypot(place_m.y);
     let there_m = deviation(Vector3::zeros());
-    assert!(
-        (there_m / apart_m.hypot(5e-5) - 1.0).abs() < 1e-6,
-        "{there_m}"
-    );
+    assert_alike(there_m, apart_m.hypot(5e-5), 1e-6);
 }
 
 /// What is known of a cup counts from where the scenario has it, however often it is fitted anew; of a cup of which nothing is known the
@@ -167,7 +162,7 @@ fn a_known_cup_tells_the_zero_of_joint_1() {
         1,
     );
     let zero = |json: &Value| {
-        let unknowns = json["unknowns"].as_array().expect("a list");
+        let unknowns = list(&json["unknowns"]);
         let mut unknowns = unknowns.iter();
         let zero = unknowns.find(|each| each["name"] == "shoulder_pan.zero");
         zero.map(|zero| number(&zero["standard_error"]))

@@ -8,7 +8,10 @@ use elastocal::scenario::Scenario;
 use nalgebra::DVector;
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, number, numbers, project, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_has, assert_near, number, numbers, project,
+    scenario_text, shipped,
+};
 
 const COLUMNS: &str =
     "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n";
@@ -126,6 +129,15 @@ fn read_urscript(source: &str) -> Vec<Told> {
     told
 }
 
+/// Reads the program of this path, without its ending.
+fn read_program(workplace: &Workplace, path: &str, dialect: &str) -> Vec<Told> {
+    let read = |ending: &str| workplace.read(&format!("{path}.{ending}"));
+    match dialect {
+        "krl" => read_krl(&read("src"), &read("dat")),
+        _ => read_urscript(&read("script")),
+    }
+}
+
 /// Where the robot stands whenever its angles are kept.
 fn logged(told: &[Told]) -> Vec<Vec<f64>> {
     let mut at = Vec::new();
@@ -189,23 +201,14 @@ fn plan_of(workplace: &Workplace) -> Plan {
 #[test]
 fn programs_lead_to_the_plan_around_what_stands_in_the_way() {
     let workplace = behind_a_pillar();
-    let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+    let scenario = workplace.scenario("s.toml");
     let plan = plan_of(&workplace);
     for dialect in ["krl", "urscript"] {
-        let outcome = workplace
-            .run(&format!(
-                "lab s.toml --quiet --plan plan.csv --dialect {dialect} --json"
-            ))
-            .ends_with(0);
+        let outcome = workplace.done(&format!(
+            "lab s.toml --quiet --plan plan.csv --dialect {dialect} --json"
+        ));
         let json = outcome.json();
-        let told = if dialect == "krl" {
-            read_krl(
-                &workplace.read("out/s/lab/s.src"),
-                &workplace.read("out/s/lab/s.dat"),
-            )
-        } else {
-            read_urscript(&workplace.read("out/s/lab/s.script"))
-        };
+        let told = read_program(&workplace, "out/s/lab/s", dialect);
         let stops = json["stops"].as_array().expect("stops");
         // What hangs at the end is taken off before anything else.
         let last = told.iter().rposition(|each| matches!(each, Told::Log(_)));
@@ -256,23 +259,12 @@ fn programs_lead_to_the_plan_around_what_stands_in_the_way() {
 /// The demo's plan in the laboratory: the program leads to every configuration, and keeps clear on the way.
 #[test]
 fn the_demo_goes_to_the_laboratory() {
-    let workplace = Workplace::new();
-    workplace.write("kr270.toml", scenario_text("kr270"));
-    workplace
-        .run("plan kr270.toml --quiet --no-proof --plan-out plan.csv")
-        .ends_with(0);
-    let outcome = workplace
-        .run("lab kr270.toml --quiet --plan plan.csv")
-        .ends_with(0);
-    assert!(
-        outcome.stdout.contains("Every move keeps the clearance."),
-        "{outcome:#?}"
-    );
-    let told = read_krl(
-        &workplace.read("out/kr270/lab/kr270.src"),
-        &workplace.read("out/kr270/lab/kr270.dat"),
-    );
-    let scenario = Scenario::load(&workplace.path("kr270.toml")).expect("a scenario");
+    let workplace = Workplace::with("kr270.toml", scenario_text("kr270"));
+    workplace.done("plan kr270.toml --quiet --no-proof --plan-out plan.csv");
+    let outcome = workplace.done("lab kr270.toml --quiet --plan plan.csv");
+    outcome.prints("Every move keeps the clearance.");
+    let told = read_program(&workplace, "out/kr270/lab/kr270", "krl");
+    let scenario = workplace.scenario("kr270.toml");
     let plan = plan_of(&workplace);
     let logged = logged(&told);
     assert_eq!(logged.len(), 2 * plan.measurements() as usize);
@@ -306,28 +298,15 @@ fn compensated_angles_go_back_to_the_robot() {
         .read("s.toml")
         .replace("q_deg = [0, -56.9", "q_deg = [-50, -56.9");
     workplace.write("s.toml", text + &more);
-    workplace
-        .run("measure s.toml --quiet --plan plan.csv --measurements-out m.csv")
-        .ends_with(0);
-    workplace
-        .run("identify --quiet --measurements m.csv --identified-out i.json")
-        .ends_with(0);
-    let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+    workplace.done("measure s.toml --quiet --plan plan.csv --measurements-out m.csv");
+    workplace.done("identify --quiet --measurements m.csv --identified-out i.json");
+    let scenario = workplace.scenario("s.toml");
     for dialect in ["krl", "urscript"] {
         let json = workplace
-            .run(&format!(
-                "compensate --quiet --identified i.json --angles-out a.csv --program-out back --dialect {dialect} --json"
-            ))
-            .ends_with(0)
-            .json();
-        let told = if dialect == "krl" {
-            read_krl(
-                &workplace.read("back/compensated_s.src"),
-                &workplace.read("back/compensated_s.dat"),
-            )
-        } else {
-            read_urscript(&workplace.read("back/compensated_s.script"))
-        };
+            .json(&format!(
+                "compensate --identified i.json --angles-out a.csv --program-out back --dialect {dialect}"
+            ));
+        let told = read_program(&workplace, "back/compensated_s", dialect);
         let poses = json["test_poses"].as_array().expect("test poses");
         let logged = logged(&told);
         assert_eq!((poses.len(), logged.len()), (3, 3));
@@ -369,18 +348,13 @@ fn compensated_angles_go_back_to_the_robot() {
         .read("s.toml")
         .replace("size_mm = [400, 400, 3000]", "size_mm = [2500, 400, 3000]");
     workplace.write("s.toml", text);
-    let outcome = workplace
-        .run("compensate s.toml --quiet --identified i.json --angles-out b.csv --program-out none")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("no way is found from test pose"),
-        "{outcome:#?}"
+    let outcome = workplace.refused(
+        "compensate s.toml --quiet --identified i.json --angles-out b.csv --program-out none",
     );
+    outcome.says("no way is found from test pose");
     assert!(!workplace.path("b.csv").exists() && !workplace.path("none").exists());
-    let outcome = workplace
-        .run("compensate --quiet --identified i.json --dialect krl")
-        .ends_with(2);
-    assert!(outcome.stderr.contains("--program-out"), "{outcome:#?}");
+    let outcome = workplace.misused("compensate --quiet --identified i.json --dialect krl");
+    outcome.says("--program-out");
 }
 
 /// The minutes are the sum of what the laboratory's table says.
@@ -390,31 +364,21 @@ fn minutes_are_what_the_work_costs() {
     let table = "[laboratory]\nstation_min = 7\nmove_min = 2\nload_change_min = 11\nreading_min = 0.25\n\
                  axis_speed_deg_s = 5\nsafe_deg = [[0, -120, 120, 0, 0, 0]]\n";
     workplace.write("t.toml", workplace.read("s.toml") + table);
-    let json = workplace
-        .run("lab t.toml --quiet --plan plan.csv --json")
-        .ends_with(0)
-        .json();
+    let json = workplace.json("lab t.toml --plan plan.csv");
     let travel_min = json["travel_deg"].as_f64().expect("a number") / 5.0 / 60.0;
     // Joints come back otherwise at each visit: seven without a load, and seven with it.
     let expected = 7.0 + 14.0 * 2.0 + 11.0 + 14.0 * 0.25 + travel_min;
     let minutes = json["minutes"].as_f64().expect("a number");
     assert!((minutes - expected).abs() < 1e-9, "{minutes} {expected}");
     // It begins and ends at the safe pose.
-    let told = read_krl(
-        &workplace.read("out/t/lab/t.src"),
-        &workplace.read("out/t/lab/t.dat"),
-    );
+    let told = read_program(&workplace, "out/t/lab/t", "krl");
     let moves: Vec<&Told> = told
         .iter()
         .filter(|each| matches!(each, Told::Move(_)))
         .collect();
     let home = Told::Move(vec![0.0, -120.0, 120.0, 0.0, 0.0, 0.0]);
     assert_eq!([moves[0], moves[moves.len() - 1]], [&home, &home]);
-    assert!(
-        workplace
-            .read("out/t/lab/t.src")
-            .contains("BAS (#VEL_PTP,10)")
-    );
+    assert_has(&workplace.read("out/t/lab/t.src"), "BAS (#VEL_PTP,10)");
 }
 
 /// Where something is new at each visit, as predictions count it, repeats are visits: the robot leaves a configuration before it comes there
@@ -616,22 +580,15 @@ fn loads_may_be_hung_where_the_robot_stands() {
         assert_eq!(row, [&*unloaded, "1", &*loaded, "1"]);
     }
     let hours = |of: f64| of / 60e-3;
-    assert!(
-        (hours(in_place.1) - 11.0 / 60.0).abs() < 1e-9,
-        "{}",
-        in_place.1
-    );
+    assert_near(hours(in_place.1), 11.0 / 60.0, 1e-9);
     assert!(returns.1 > in_place.1);
     let shared =
         workplace
             .read("t.toml")
             .replacen("[instrument]", "[instrument]\nunloaded = \"shared\"", 1);
     workplace.write("shared.toml", shared);
-    let said = workplace.run("check shared.toml").ends_with(1).stderr;
-    assert!(
-        said.contains("laboratory.loading: is \"in_place\", and instrument.unloaded"),
-        "{said}"
-    );
+    let said = workplace.refused("check shared.toml");
+    said.says("laboratory.loading: is \"in_place\", and instrument.unloaded");
 }
 
 /// The order has as few changes of load as there are loads, and short moves; it can be kept.
@@ -657,12 +614,7 @@ fn the_order_is_short_and_can_be_kept() {
     .concat();
     workplace.write("plan.csv", format!("{COLUMNS}{rows}"));
     let of = |options: &str| {
-        let json = workplace
-            .run(&format!(
-                "lab s.toml --quiet --plan plan.csv --json {options}"
-            ))
-            .ends_with(0)
-            .json();
+        let json = workplace.json(&format!("lab s.toml --plan plan.csv {options}"));
         let stops = json["stops"].as_array().expect("stops").clone();
         let order: Vec<f64> = stops
             .iter()
@@ -688,19 +640,12 @@ fn the_order_is_short_and_can_be_kept() {
 /// What was not looked at, and what does not hold, is said.
 #[test]
 fn doubts_about_a_plan_are_told() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let lab = format!("lab s.toml --quiet --plan {}", plan.display());
-    let outcome = workplace.run(&lab).ends_with(3);
-    assert!(
-        outcome.stdout.contains("Moves were not looked at"),
-        "{outcome:#?}"
-    );
-    assert!(
-        outcome.stderr.contains("tool elevation is 30.033 deg"),
-        "{outcome:#?}"
-    );
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    let lab = format!("lab s.toml --quiet --plan {plan}");
+    let outcome = workplace.doubted(&lab);
+    outcome.prints("Moves were not looked at");
+    outcome.says("tool elevation is 30.033 deg");
 }
 
 /// The joints of a KUKA beyond six are its external axes, a track before all others.
@@ -755,13 +700,10 @@ fn slides_are_never_axes_that_turn() {
 /// Dialects are data: a file of one's own serves another robot.
 #[test]
 fn a_dialect_may_be_a_file() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("planar_3r"));
-    workplace
-        .run("plan s.toml --quiet --no-proof --plan-out plan.csv")
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("planar_3r"));
+    workplace.done("plan s.toml --quiet --no-proof --plan-out plan.csv");
     // Without one, sheet and table are there, and it is said.
-    let outcome = workplace.run("lab s.toml --plan plan.csv").ends_with(3);
+    let outcome = workplace.doubted("lab s.toml --plan plan.csv");
     outcome.says("condition C0110: no robot program is written: the dialect krl is for 6 to 12 axes; the robot has 3");
     let written = |name: &str| workplace.path(&format!("out/s/lab/{name}")).exists();
     assert!(written("run_sheet.html") && written("measurements.csv") && !written("s.src"));
@@ -770,9 +712,7 @@ fn a_dialect_may_be_a_file() {
                comment = \"# <text>\"\nhalt = \"STOP <text>\"\nlog = \"KEEP <index>\"\n\
                [[file]]\nending = \"job\"\ntext = \"JOB <name>\\n<steps>\\n\"\n";
     workplace.write("own.toml", own);
-    workplace
-        .run("lab s.toml --quiet --plan plan.csv --dialect own.toml")
-        .ends_with(0);
+    workplace.done("lab s.toml --quiet --plan plan.csv --dialect own.toml");
     let job = workplace.read("out/s/lab/s.job");
     assert!(job.starts_with("JOB s\n# Stop 1: experiment "), "{job}");
     let stops = job.lines().filter(|line| line.starts_with("KEEP ")).count();
@@ -788,16 +728,14 @@ fn a_dialect_may_be_a_file() {
             axes => own.replace(axes, "axes = []"),
         };
         workplace.write("wrong.toml", text);
-        let outcome = workplace
-            .run("lab s.toml --quiet --plan plan.csv --dialect wrong.toml")
-            .ends_with(1);
+        let outcome = workplace.refused("lab s.toml --quiet --plan plan.csv --dialect wrong.toml");
         assert!(
             outcome
                 .stderr
                 .starts_with("error E0404: wrong.toml: is no dialect: "),
             "{outcome:#?}"
         );
-        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+        outcome.says(says);
     }
     assert_eq!(Dialect::names(), ["krl", "urscript"]);
 }
@@ -834,31 +772,24 @@ fn wrong_laboratories_are_told() {
         ("sped = 1", "unknown field `sped`"),
     ] {
         workplace.write("w.toml", format!("{good}[laboratory]\n{table}\n"));
-        let outcome = workplace
-            .run("lab w.toml --quiet --plan plan.csv")
-            .ends_with(1);
-        assert!(outcome.stderr.contains(says), "{says}: {outcome:#?}");
+        let outcome = workplace.refused("lab w.toml --quiet --plan plan.csv");
+        outcome.says(says);
         assert!(!workplace.path("out/w").exists());
     }
     // A robot that is walled in finds no way out.
     let wall = "[[obstacle]]\nname = \"wall\"\nkind = \"box\"\nsize_mm = [6000, 100, 6000]\nposition_mm = [3400, 0, 3000]\n";
     let behind = "[[obstacle]]\nname = \"other wall\"\nkind = \"box\"\nsize_mm = [6000, 100, 6000]\nposition_mm = [-3400, 0, 3000]\n";
     workplace.write("w.toml", good + wall + behind);
-    let outcome = workplace
-        .run("lab w.toml --quiet --plan plan.csv")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("no way is found from experiment "),
-        "{outcome:#?}"
-    );
-    assert!(outcome.stderr.contains("safe_deg"), "{outcome:#?}");
+    let outcome = workplace.refused("lab w.toml --quiet --plan plan.csv");
+    outcome.says("no way is found from experiment ");
+    outcome.says("safe_deg");
 }
 
 /// Every stop has its approach in the library, too.
 #[test]
 fn campaigns_are_a_function_of_their_inputs() {
     let workplace = behind_a_pillar();
-    let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+    let scenario = workplace.scenario("s.toml");
     let plan = plan_of(&workplace);
     let campaign =
         || Campaign::new(&scenario.task, &scenario.laboratory, &plan, false).expect("ways");
@@ -872,9 +803,7 @@ fn campaigns_are_a_function_of_their_inputs() {
 #[test]
 fn the_run_sheet_looks_well() {
     let workplace = behind_a_pillar();
-    workplace
-        .run("lab s.toml --quiet --plan plan.csv")
-        .ends_with(0);
+    workplace.done("lab s.toml --quiet --plan plan.csv");
     let sheet = workplace.read("out/s/lab/run_sheet.html");
     assert_eq!(sheet.matches("class=\"stop\"").count(), 14);
     let hang = "hang the load (0,\u{a0}0,\u{a0}\u{2212}2500) N";
@@ -974,17 +903,13 @@ fn plans_by_minutes_repeat_where_that_is_cheap() {
         "slow.toml",
         scenario_text("planar_3r") + table + "axis_speed_deg_s = 0.5\n",
     );
-    let of = |name: &str, options: &str| {
-        workplace
-            .run(&format!("plan {name} --quiet --no-proof --json {options}"))
-            .ends_with(0)
-            .json()
-    };
+    let of =
+        |name: &str, options: &str| workplace.json(&format!("plan {name} --no-proof {options}"));
     let number = |json: &Value, key: &str| json[key].as_f64().expect("a number");
     let mut counts = Vec::new();
     for name in ["s.toml", "slow.toml"] {
         let timed = of(name, "--minutes 80 --plan-out timed.csv");
-        let scenario = Scenario::load(&workplace.path(name)).expect("a scenario");
+        let scenario = workplace.scenario(name);
         let plan = read_plan(&workplace.path("timed.csv"), 3).expect("a plan");
         let campaign = Campaign::new(&scenario.task, &scenario.laboratory, &plan, false);
         let taken = campaign.expect("ways").minutes;
@@ -1001,21 +926,13 @@ fn plans_by_minutes_repeat_where_that_is_cheap() {
         }
     }
     assert!(counts[1] < counts[0] - 2.0, "{counts:?}");
-    let outcome = workplace
-        .run("plan s.toml --quiet --minutes 30")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("no plan takes at most 30 minutes"),
-        "{outcome:#?}"
-    );
+    let outcome = workplace.refused("plan s.toml --quiet --minutes 30");
+    outcome.says("no plan takes at most 30 minutes");
     // As little time as possible for an accuracy.
     let needed = |options: &str| {
-        let json = workplace
-            .run(&format!(
-                "budget s.toml --quiet --no-proof --up-to 5 --accuracy-um 9.7 --json {options}"
-            ))
-            .ends_with(0)
-            .json();
+        let json = workplace.json(&format!(
+            "budget s.toml --no-proof --up-to 5 --accuracy-um 9.7 {options}"
+        ));
         number(&json, "needed_minutes")
     };
     assert!(needed("--by-minutes --plot-out time.svg") < needed("--plot-out size.svg"));
@@ -1046,10 +963,7 @@ fn the_order_of_absolute_readings_knows_no_drift() {
     let drift = "[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 60\n";
     let [without, with] = ["", drift].map(|source| {
         workplace.write("s.toml", format!("{head}\n{source}"));
-        workplace
-            .run("lab s.toml --plan plan.csv --json --quiet")
-            .json()["stops"]
-            .clone()
+        workplace.record("lab s.toml --plan plan.csv")["stops"].clone()
     });
     assert_eq!(without, with);
 }

@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 use crate::proofs::{checked, python};
-use crate::support::{Workplace, number, project, scenario_text};
+use crate::support::{Workplace, number, scenario_text, shipped};
 
 const RETURN: &str = "[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.05\n";
 const DIRECTION: &str = "[[uncertainty]]\nkind = \"load_direction\"\nstd_mrad = 2\n";
@@ -19,7 +19,7 @@ fn planned(workplace: &Workplace, name: &str, list: &[&str], options: &str) -> V
     workplace.write("uncertain.toml", text);
     let arguments =
         format!("plan uncertain.toml --experiments 3 --json --quiet --seed 1 {options}");
-    let outcome = workplace.run(&arguments).ends_with(0);
+    let outcome = workplace.done(&arguments);
     serde_json::from_str(&outcome.stdout).expect("JSON")
 }
 
@@ -50,7 +50,7 @@ fn the_covariance_of_readings_is_in_the_proof() {
     let (code, text) = checked(&python, &workplace.path("proof.json"));
     assert_eq!(code, Some(0), "{text}");
     // With less noise an experiment would tell more.
-    let mut file: Value = serde_json::from_str(&workplace.read("proof.json")).expect("JSON");
+    let mut file = workplace.parsed("proof.json");
     let mut less = file.clone();
     let everywhere = &mut less["proof"]["question"]["spread"]["everywhere"];
     *everywhere = serde_json::json!(number(everywhere) * 0.5);
@@ -74,11 +74,8 @@ fn joint_repeatabilitys_take_few_boxes() {
     let text = scenario_text("klimchik2012");
     let (text, _) = text.split_once("\n[[plan]]").expect("it lists plans");
     workplace.write("uncertain.toml", format!("{text}\n{RETURN}"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let arguments = format!(
-        "evaluate uncertain.toml --plan {} --json --quiet --prove 300%",
-        plan.display()
-    );
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    let arguments = format!("evaluate uncertain.toml --plan {plan} --json --quiet --prove 300%");
     let json = workplace.run(&arguments).json();
     let boxes = json["proof"]["boxes"].as_u64().expect("a number");
     assert!(boxes < 30_000, "{boxes}");
@@ -100,7 +97,7 @@ fn what_is_left_out_is_named() {
     assert!(proved < number(&whole["rho0_mm"]));
     let words = workplace.run("plan uncertain.toml --experiments 3 --quiet --seed 1");
     let told = ", with link_position, transmission_error assumed exact";
-    assert!(words.stdout.contains(told), "{}", words.stdout);
+    words.prints(told);
     // Under a force of any direction the covariance of readings is left out, too.
     let any = planned(&workplace, "spatial_3r", &[RETURN, PLACES, WAVES], "");
     assert_eq!(
@@ -198,12 +195,8 @@ turned_over_at_nm = 100
 #[test]
 fn a_budget_searches_again_with_what_it_left_out() {
     let place = Workplace::of_arm(GANTRY, GANTRY_SCENARIO);
-    let plan = place
-        .run("plan arm.toml --no-proof --json --quiet")
-        .ends_with(0);
-    let budget = place
-        .run("budget arm.toml --up-to 3 --no-proof --json --quiet")
-        .json();
+    let plan = place.done("plan arm.toml --no-proof --json --quiet");
+    let budget = place.record("budget arm.toml --up-to 3 --no-proof");
     let points = budget["budget"].as_array().expect("points").iter();
     let best = points
         .filter(|point| point["experiments"] == 3)

@@ -8,8 +8,7 @@ use crate::support::{Workplace, project, scenario_text};
 /// Devices, sockets and named pipes, at each place where a file is read.
 #[test]
 fn files_without_an_end() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     let model = project("models/kr270.xml");
     for (name, file) in [("m_zero", "/dev/zero"), ("m_fifo", "fifo")] {
         let text = scenario_text("klimchik2012").replace(&*model.to_string_lossy(), file);
@@ -55,8 +54,7 @@ fn files_without_an_end() {
 /// A pipe with something in it is a file like another.
 #[test]
 fn pipes_are_read() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("plan.csv", PLAN);
     let program = env!("CARGO_BIN_EXE_elastocal");
     let script = format!("(sleep 0.1; cat plan.csv) | {program} check good.toml --plan /dev/stdin");
@@ -85,8 +83,7 @@ fn without_study() -> String {
 
 #[test]
 fn sizes() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     let mut wrong = Vec::new();
     let check = |text: String, says: &[&str]| {
         workplace.write("bad.toml", text);
@@ -141,8 +138,7 @@ fn sizes() {
 /// As many obstacles as are allowed do not overflow anything.
 #[test]
 fn many_obstacles() {
-    let workplace = Workplace::new();
-    workplace.write("plan.csv", PLAN);
+    let workplace = Workplace::with("plan.csv", PLAN);
     let obstacles: Vec<String> = (0..500)
         .map(|index| {
             let (x, y) = (4000 + 100 * (index % 25), 100 * (index / 25));
@@ -164,15 +160,14 @@ fn many_obstacles() {
 /// More threads than help cost nothing.
 #[test]
 fn threads() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     workplace.write("m.csv", MEASUREMENTS);
     let start = Instant::now();
     let plan = |threads: u32| {
         let arguments = format!(
             "plan good.toml --experiments 2 --quiet --plan-out {threads}.csv --threads {threads}"
         );
-        workplace.run(&arguments).ends_with(0);
+        workplace.done(&arguments);
         workplace.read(&format!("{threads}.csv"))
     };
     assert_eq!(plan(1), plan(65535));
@@ -182,8 +177,7 @@ fn threads() {
 /// Options out of range are wrong usage.
 #[test]
 fn options() {
-    let workplace = Workplace::new();
-    workplace.write("good.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("good.toml", scenario_text("klimchik2012"));
     for (arguments, says) in [
         (
             "budget good.toml --accuracy-um nan",
@@ -211,8 +205,7 @@ fn options() {
             "is the first part of four",
         ),
     ] {
-        let outcome = workplace.run(arguments).ends_with(2);
-        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+        workplace.misused(arguments).says(says);
     }
 }
 
@@ -224,8 +217,7 @@ fn model(inside: &str) -> String {
 /// Models that end MuJoCo's process, or take all memory and time.
 #[test]
 fn models_that_break_mujoco() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", crate::bad_input::MODEL_SCENARIO);
+    let workplace = Workplace::with("s.toml", crate::bad_input::MODEL_SCENARIO);
     let start = Instant::now();
     let mut wrong = Vec::new();
     for (inside, says) in [
@@ -249,8 +241,7 @@ fn models_that_break_mujoco() {
 /// Such a model ends a process that only loads it.
 #[test]
 fn a_model_whose_process_ends() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", crate::bad_input::MODEL_SCENARIO);
+    let workplace = Workplace::with("s.toml", crate::bad_input::MODEL_SCENARIO);
     let field =
         "<asset><hfield name=\"h\" nrow=\"100000\" ncol=\"100000\" size=\"1 1 1 1\"/></asset>";
     workplace.write("arm.xml", model(field));

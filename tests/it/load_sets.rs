@@ -27,8 +27,7 @@ const HEAVY: [f64; 3] = [0.0, 0.0, -250_000.0];
 const IN_WORDS: &str = "experiment 2: load is (0, 0, -250000) N; allowed is (0, 0, -2500) N";
 
 fn workplace() -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("cell.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("cell.toml", scenario_text("klimchik2012"));
     workplace.write("heavy.csv", plan_text(&[VERTICAL, HEAVY, VERTICAL]));
     workplace
 }
@@ -36,9 +35,7 @@ fn workplace() -> Workplace {
 #[test]
 fn a_load_outside_the_set_is_a_violation() {
     let workplace = workplace();
-    let check = workplace
-        .run("check cell.toml --plan heavy.csv --json")
-        .ends_with(3);
+    let check = workplace.doubted("check cell.toml --plan heavy.csv --json");
     let json = check.json();
     assert_eq!(json["ok"], false);
     assert!(
@@ -47,14 +44,12 @@ fn a_load_outside_the_set_is_a_violation() {
             .is_some_and(|all| all.iter().any(|each| each == IN_WORDS))
     );
     let text = workplace
-        .run("check cell.toml --plan heavy.csv --quiet")
-        .ends_with(3)
+        .doubted("check cell.toml --plan heavy.csv --quiet")
         .stdout;
     assert!(text.contains(IN_WORDS), "{text}");
 
     let evaluated = workplace
-        .run("evaluate cell.toml --plan heavy.csv --json")
-        .ends_with(3)
+        .doubted("evaluate cell.toml --plan heavy.csv --json")
         .json();
     let violation = &evaluated["violations"][0];
     assert_eq!(
@@ -69,25 +64,21 @@ fn a_load_outside_the_set_is_a_violation() {
 #[test]
 fn measurements_under_foreign_loads_are_named() {
     let workplace = workplace();
-    let measured = workplace
-        .run("measure cell.toml --plan heavy.csv --measurements-out m.csv --quiet")
-        .ends_with(1);
+    let measured =
+        workplace.refused("measure cell.toml --plan heavy.csv --measurements-out m.csv --quiet");
     // 250 kN bend the virtual robot beyond any equilibrium; ten times the load does not.
-    assert!(measured.stderr.contains("heavy.csv"), "{}", measured.stderr);
+    measured.says("heavy.csv");
     let tenfold = VERTICAL.map(|force| 2.0 * force);
     workplace.write("heavy.csv", plan_text(&[VERTICAL, tenfold, tenfold]));
-    let measured = workplace
-        .run("measure cell.toml --plan heavy.csv --measurements-out m.csv --quiet")
-        .ends_with(3);
+    let measured =
+        workplace.doubted("measure cell.toml --plan heavy.csv --measurements-out m.csv --quiet");
     let words =
         "2 of 3 experiments have loads outside the load set; experiment 2: load is (0, 0, -5000) N";
-    assert!(measured.stderr.contains(words), "{}", measured.stderr);
-    let identified = workplace
-        .run("identify cell.toml --measurements m.csv --quiet")
-        .ends_with(3);
+    measured.says(words);
+    let identified = workplace.doubted("identify cell.toml --measurements m.csv --quiet");
     let words = words.replace("experiment", "measurement");
-    assert!(identified.stderr.contains(&words), "{}", identified.stderr);
-    assert!(identified.stdout.contains("joint_2"));
+    identified.says(&words);
+    identified.prints("joint_2");
 }
 
 #[test]
@@ -98,9 +89,9 @@ fn plan_files_of_a_study_are_judged() {
     text.truncate(study);
     text += "[study]\ntrials = 100\nexperiments = 3\n[[study.plan]]\nname = \"mine\"\nkind = \"file\"\nfile = \"heavy.csv\"\n";
     workplace.write("cell.toml", text);
-    let outcome = workplace.run("study cell.toml --quiet").ends_with(3);
+    let outcome = workplace.doubted("study cell.toml --quiet");
     let words = format!("plan \"mine\": {IN_WORDS}");
-    assert!(outcome.stderr.contains(&words), "{}", outcome.stderr);
+    outcome.says(&words);
 }
 
 #[test]
@@ -111,10 +102,10 @@ fn a_mandatory_plan_keeps_to_the_loads() {
         "experiments = 4\nmandatory = \"heavy.csv\"\n",
     );
     workplace.write("cell.toml", text);
-    let outcome = workplace.run("check cell.toml").ends_with(1);
+    let outcome = workplace.refused("check cell.toml");
     let words = format!("cell.toml: design.mandatory: {IN_WORDS}");
-    assert!(outcome.stderr.contains(&words), "{}", outcome.stderr);
-    assert!(outcome.stderr.contains("hint: "), "{}", outcome.stderr);
+    outcome.says(&words);
+    outcome.says("hint: ");
 }
 
 /// A load is printed with one decimal: its components are off by half a unit of that at most, and a

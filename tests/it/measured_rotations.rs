@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, project, scenario_text};
+use crate::support::{Workplace, assert_alike, list, number, numbers, scenario_text, shipped};
 
 /// Rotations as good as the deflections are 0.15 m from the joints.
 const SIGMA: &str = "rotation_sigma_mrad = 0.2\ntracker_site";
@@ -28,20 +28,17 @@ fn evaluated(place: &Workplace, scenario: &str, plan: &str) -> Value {
 }
 
 fn rho0_um(results: &Value) -> f64 {
-    results["rho0_mm"].as_f64().expect("determined") * 1e3
+    number(&results["rho0_mm"]) * 1e3
 }
 
 /// What `evaluate` predictions of a plan is what `identify` says after its measurements.
 #[test]
 fn standard_errors_are_those_of_identification() {
     let place = workplace("kr270_all_joints");
-    let plan = project("scenarios/plans/kr270_all_joints.csv");
-    let plan = plan.display().to_string();
-    place
-        .run(&format!(
-            "measure linear.toml --plan {plan} --measurements-out m.csv"
-        ))
-        .ends_with(0);
+    let plan = shipped("scenarios/plans/kr270_all_joints.csv");
+    place.done(&format!(
+        "measure linear.toml --plan {plan} --measurements-out m.csv"
+    ));
     let identified = place
         .run("identify linear.toml --measurements m.csv --json")
         .json();
@@ -50,10 +47,7 @@ fn standard_errors_are_those_of_identification() {
     let (predicted, identified) = (numbers(&predicted[key]), numbers(&identified[key]));
     assert_eq!(predicted.len(), 6);
     for (predicted, identified) in predicted.iter().zip(&identified) {
-        assert!(
-            (predicted / identified - 1.0).abs() < 1e-9,
-            "{predicted} against {identified}"
-        );
+        assert_alike(*predicted, *identified, 1e-9);
     }
 }
 
@@ -64,7 +58,7 @@ fn plans_use_rotations() {
     let place = workplace("kr270_all_joints");
     for each in ["with", "without"] {
         let arguments = format!("plan {each}.toml --experiments 4 --plan-out {each}.csv --quiet");
-        place.run(&arguments).ends_with(0);
+        place.done(&arguments);
     }
     let with = evaluated(&place, "with.toml", "with.csv");
     let best = rho0_um(&with);
@@ -72,12 +66,12 @@ fn plans_use_rotations() {
     let other_plan = rho0_um(&evaluated(&place, "with.toml", "without.csv"));
     assert!(best < same_plan, "{best} against {same_plan}");
     assert!(best < other_plan, "{best} against {other_plan}");
-    let efficiency = with["efficiency"].as_f64().expect("of the class");
+    let efficiency = number(&with["efficiency"]);
     assert!((0.5..=1.0).contains(&efficiency), "{efficiency}");
     let study = "study with.toml --level model --trials 20000 --json --quiet";
     let study = place.run(study).json();
-    for plan in study["plans"].as_array().expect("plans") {
-        let z = plan["z"].as_f64().expect("a number");
+    for plan in list(&study["plans"]) {
+        let z = number(&plan["z"]);
         assert!(z.abs() < 5.0, "{}: {z}", plan["name"]);
     }
 }

@@ -17,7 +17,10 @@ use serde_json::Value;
 
 use crate::absolute_campaigns::fits_alike;
 use crate::absolute_trials::holds;
-use crate::support::{Workplace, number, project, scenario_text};
+use crate::support::{
+    Workplace, assert_alike, assert_alike_in, assert_change_refused, assert_has, assert_near,
+    assert_same_rho0, list, number, project, scenario_text, shipped, with_numbers,
+};
 
 const CHOICES: FitChoices = FitChoices::weighed(ReadingWeights::AsNeeded);
 /// Of the tracker alone.
@@ -43,14 +46,13 @@ fn plan() -> String {
 }
 
 fn workplace() -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("ur10_tracker_ballbar"));
+    let place = Workplace::with("s.toml", scenario_text("ur10_tracker_ballbar"));
     place.write("plan.csv", plan());
     place
 }
 
 fn loaded(place: &Workplace) -> (Scenario, Vec<Candidate>) {
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let scenario = place.scenario("s.toml");
     let commands = scenario.task.belief.commands();
     let rows = read_candidates(&place.path("plan.csv"), commands).expect("a plan");
     (scenario, rows)
@@ -136,8 +138,7 @@ std_mrad = 1
 /// The same of an arm on a rail: ten readings by the tracker, twelve by the bar.
 #[test]
 fn predictions_hold_of_an_arm_on_a_rail() {
-    let place = Workplace::new();
-    place.write("arm.xml", ON_A_RAIL);
+    let place = Workplace::with("arm.xml", ON_A_RAIL);
     let at = |table: &str| RAIL.find(table).expect("a table");
     let [bar, tracker] = ["[instrument.distance]", "[[station]]\nname = \"tracker\""].map(at);
     let [cup, poses] = ["[[station]]\nname = \"cup\"", "[[test_pose]]"].map(at);
@@ -170,7 +171,7 @@ fn predictions_hold_of_an_arm_on_a_rail() {
 fn plans_choose_among_both() {
     let place = workplace();
     let lengths = |planned: &Value| -> Vec<f64> {
-        let rows = planned["plan"].as_array().expect("a list").iter();
+        let rows = list(&planned["plan"]).iter();
         rows.filter_map(|row| row["distance_mm"].as_f64()).collect()
     };
     place.write("bar.toml", scenario_text("ur10_ballbar"));
@@ -178,15 +179,14 @@ fn plans_choose_among_both() {
     assert!(sampled.len() > 2 && sampled.iter().all(|mm| (290.0..=310.0).contains(mm)));
     let planned =
         place.json("plan s.toml --candidates plan.csv --experiments 16 --plan-out drawn.csv");
-    let rows = planned["plan"].as_array().expect("a list");
+    let rows = list(&planned["plan"]);
     let by_bar = lengths(&planned).len();
     assert!(by_bar > 2 && by_bar < rows.len(), "{planned}");
     for row in rows {
         assert_eq!(row["distance_mm"].is_null(), row["station"] == "tracker");
     }
     let evaluated = place.json("evaluate s.toml --plan drawn.csv");
-    let [one, other] = [&planned, &evaluated].map(|json| number(&json["rho0_mm"]));
-    assert!((one / other - 1.0).abs() < 1e-6, "{one} {other}");
+    assert_same_rho0(&planned, &evaluated, 1e-6);
 }
 
 /// How each reading follows the unknowns (by their units), by differences, with its standard deviations by hand.
@@ -265,10 +265,7 @@ fn information_of_both_adds_up() {
             let by_hand = covariance[(place, place)].sqrt();
             let error = found.standard_error(place).expect("determined");
             // Derivatives are those at the commanded angles: gravity bends the robot by 2 mrad.
-            assert!(
-                (error / by_hand - 1.0).abs() < 1e-2,
-                "{name}: {error} {by_hand}"
-            );
+            assert_alike_in(&name, error, by_hand, 1e-2);
         }
     }
 
@@ -337,18 +334,9 @@ fn one_fit_weighs_both() {
     let held = errors.iter().filter(|each| each.abs() < 1.959_964).count() as f64 / count;
     let probability = all.iter().map(|each| each.1).sum::<f64>() / RUNS as f64;
     println!("{square} {held} {probability}");
-    assert!(
-        (square - 1.0).abs() < 3.0 * (2.0 / RUNS as f64).sqrt(),
-        "{square}"
-    );
-    assert!(
-        (held - 0.95).abs() < 3.0 * (0.95 * 0.05 / RUNS as f64).sqrt(),
-        "{held}"
-    );
-    assert!(
-        (probability - 0.5).abs() < 3.0 / (12.0 * RUNS as f64).sqrt(),
-        "{probability}"
-    );
+    assert_near(square, 1.0, 3.0 * (2.0 / RUNS as f64).sqrt());
+    assert_near(held, 0.95, 3.0 * (0.95 * 0.05 / RUNS as f64).sqrt());
+    assert_near(probability, 0.5, 3.0 / (12.0 * RUNS as f64).sqrt());
 }
 
 /// A file has the columns of both, and the whole way through the commands is open to it.
@@ -369,12 +357,12 @@ fn files_of_both_are_read_as_they_are_written() {
     }
     let json = place.json("identify s.toml --measurements read.csv --identified-out robot.json");
     assert_eq!(json["numbers"], 16 + 3 * 15);
-    let stations = json["stations"].as_array().expect("a list");
+    let stations = list(&json["stations"]);
     for station in stations {
         let is_turned = station["name"] == "tracker";
         assert_eq!(station["quaternion"].is_null(), !is_turned);
     }
-    let notes = json["notes"].as_array().expect("a list");
+    let notes = list(&json["notes"]);
     let said = |words: &str| {
         notes
             .iter()
@@ -429,13 +417,12 @@ fn visits_are_chosen() {
         (&62.into(), &"visits".into())
     );
     let best = &found["sizes"][0]["planned"][0];
-    let readings = best["readings"].as_array().expect("readings").len();
+    let readings = list(&best["readings"]).len();
     assert!(readings > 20, "{best:#}");
     let kept = number(&best["without_discrepancy_from_true_mm"]) / number(&best["rho0_mm"]);
     assert!((0.85..1.15).contains(&kept), "{kept}: {best:#}");
     place
-        .run("select s.toml --measurements read.csv --sizes 62")
-        .ends_with(1)
+        .refused("select s.toml --measurements read.csv --sizes 62")
         .says("visits, of which 62 leave none to validate on");
 }
 
@@ -455,27 +442,12 @@ fn a_zero_that_frames_take_up_costs_nothing() {
             "{head}[[uncertainty]]\nkind = \"joint_zero\"\n{zeros}\nstd_mrad = 1\n[design]{design}"
         ),
     );
-    let plan = project("scenarios/plans/ur10_tracker_ballbar.csv");
+    let plan = shipped("scenarios/plans/ur10_tracker_ballbar.csv");
     let [frames, zeros] = ["frames", "zeros"].map(|unknown| {
-        let command = format!(
-            "evaluate s.toml --plan {} --parameters {unknown}",
-            plan.display()
-        );
+        let command = format!("evaluate s.toml --plan {plan} --parameters {unknown}");
         number(&place.json(&command)["rho0_mm"])
     });
     assert!((zeros / frames - 1.0).abs() < 1e-6, "{zeros} {frames}");
-}
-
-/// The shipped plan holds what it predicts.
-#[test]
-fn the_shipped_plan_holds() {
-    let plan = project("scenarios/plans/ur10_tracker_ballbar.csv");
-    let place = workplace();
-    let json = place.json(&format!(
-        "evaluate s.toml --plan {} --trials 1000",
-        plan.display()
-    ));
-    holds(&json["trials"]);
 }
 
 /// The run sheet says what is read from where; the table to fill in has both, and is read as it is.
@@ -483,11 +455,9 @@ fn the_shipped_plan_holds() {
 fn both_go_to_the_laboratory() {
     let place = workplace();
     let json = place.json("lab s.toml --plan plan.csv");
-    assert_eq!(
-        (&json["set_ups"], &json["readings"]),
-        (&3.into(), &31.into())
-    );
-    let stops = json["stops"].as_array().expect("a list");
+    assert_eq!(json["set_ups"], 3);
+    assert_eq!(json["readings"], 31);
+    let stops = list(&json["stops"]);
     assert_eq!(stops.len(), 24);
     let beside = stops
         .iter()
@@ -500,10 +470,7 @@ fn both_go_to_the_laboratory() {
         assert!(targets.contains("spindle from "), "{targets}");
     }
     let empty = place.read("out/s/lab/measurements.csv");
-    assert!(
-        empty.contains("target,visit,station,x_mm,y_mm,z_mm,distance_mm\n"),
-        "{empty}"
-    );
+    assert_has(&empty, "target,visit,station,x_mm,y_mm,z_mm,distance_mm\n");
     fits_alike(&place, "s", "");
 }
 
@@ -513,67 +480,50 @@ fn input_errors_of_positions_are_named() {
     let place = workplace();
     place.json("measure s.toml --plan plan.csv --measurements-out read.csv");
     let table = place.read("read.csv");
-    let mut mirrored = String::new();
-    for line in table.lines() {
-        let mut fields: Vec<String> = line.split(',').map(str::to_owned).collect();
-        if fields.len() > 10 && fields[7] == "tracker" {
-            fields[9] = fields[9]
-                .strip_prefix('-')
-                .map_or(format!("-{}", fields[9]), str::to_owned);
-        }
-        mirrored += &(fields.join(",") + "\n");
-    }
+    let mirrored = with_numbers(&table, &["y_mm"], |y_mm| -y_mm);
     place.write("mirrored.csv", mirrored);
-    let said = place
-        .run("identify s.toml --measurements mirrored.csv")
-        .stderr;
-    assert!(said.contains("left-handed"), "{said}");
-}
-
-fn refused(change: [&str; 2], key: &str, says: &str) {
-    let place = Workplace::new();
-    let text = scenario_text("ur10_tracker_ballbar");
-    assert!(text.contains(change[0]), "{change:?}");
-    place.write("s.toml", text.replacen(change[0], change[1], 1));
-    let said = place.run("check s.toml").ends_with(1).stderr;
-    assert!(said.contains(key) && said.contains(says), "{said}");
+    let said = place.run("identify s.toml --measurements mirrored.csv");
+    said.says("left-handed");
 }
 
 /// Scenarios of both that lack something, or have what does not fit, are refused with the key.
 #[test]
 fn scenarios_that_do_not_fit_are_refused() {
     let cup = "[instrument.distance]\nsigma_mm = 0.002\nresolution_mm = 0.001\n";
-    refused(
+    assert_change_refused(
+        "ur10_tracker_ballbar",
         [cup, ""],
-        "station[1].reads",
-        "nothing says how precise distances are",
+        ["station[1].reads", "nothing says how precise distances are"],
     );
-    refused(
+    assert_change_refused(
+        "ur10_tracker_ballbar",
         ["sigma_mm = 0.002\nres", "res"],
-        "instrument.distance.sigma_mm",
-        "is missing",
+        ["instrument.distance.sigma_mm", "is missing"],
     );
-    refused(
+    assert_change_refused(
+        "ur10_tracker_ballbar",
         ["sigma_mm = 0.002\nres", "mpe_um = 4\nres"],
-        "instrument.distance.distribution",
-        "is missing",
+        ["instrument.distance.distribution", "is missing"],
     );
-    refused(
+    assert_change_refused(
+        "ur10_tracker_ballbar",
         ["accuracy = \"absolute\"\n", ""],
-        "design.accuracy",
-        "instrument.distance",
+        ["design.accuracy", "instrument.distance"],
     );
-    refused(
+    assert_change_refused(
+        "ur10_tracker_ballbar",
         ["position_mm = [700, -300, 100]\n", ""],
-        "position_mm",
-        "missing",
+        ["position_mm", "missing"],
     );
-    refused(["range_max_mm = 310\n", ""], "range_max_mm", "is missing");
+    assert_change_refused(
+        "ur10_tracker_ballbar",
+        ["range_max_mm = 310\n", ""],
+        ["range_max_mm", "is missing"],
+    );
     let position = "reads = \"distance\"\nrange_min_mm";
     let text = scenario_text("ur10_tracker_ballbar").replace(position, "range_min_mm");
-    let place = Workplace::new();
-    place.write("s.toml", &text);
-    let said = place.run("check s.toml").ends_with(1);
+    let place = Workplace::with("s.toml", &text);
+    let said = place.refused("check s.toml");
     said.says("instrument.distance: is given, and distances are read from no [[station]]");
     let alone = scenario_text("ur10_ballbar");
     place.write(
@@ -581,8 +531,7 @@ fn scenarios_that_do_not_fit_are_refused() {
         alone.replacen("range_min_mm", "reads = \"position\"\nrange_min_mm", 1),
     );
     place
-        .run("check s.toml")
-        .ends_with(1)
+        .refused("check s.toml")
         .says("reads: is \"position\", and instrument.reads is \"distance\"");
     place.write(
         "s.toml",
@@ -592,8 +541,7 @@ fn scenarios_that_do_not_fit_are_refused() {
         ),
     );
     place
-        .run("check s.toml")
-        .ends_with(1)
+        .refused("check s.toml")
         .says("instrument.distance: is given");
 }
 
@@ -607,8 +555,7 @@ fn rows_that_do_not_fit_are_refused() {
         assert!(table.contains(from), "{from}");
         place.write("wrong.csv", table.replacen(from, to, 1));
         let said = place
-            .run("identify s.toml --measurements wrong.csv")
-            .ends_with(1)
+            .refused("identify s.toml --measurements wrong.csv")
             .stderr;
         assert!(says.iter().all(|words| said.contains(words)), "{said}");
     };
@@ -645,8 +592,7 @@ fn rows_that_do_not_fit_are_refused() {
 /// identification of its readings is, and one is found that is no worse than without the table.
 #[test]
 fn plans_without_a_level_table_know_as_much_as_if_there_were_none() {
-    let place = Workplace::new();
-    place.write("arm.xml", ON_A_RAIL);
+    let place = Workplace::with("arm.xml", ON_A_RAIL);
     let without = RAIL
         .split("[[uncertainty]]\nkind = \"link_rotation\"")
         .next();
@@ -670,18 +616,14 @@ fn plans_without_a_level_table_know_as_much_as_if_there_were_none() {
     let [alone, beside] = ["without", "with"].map(planned);
     let evaluate = format!("evaluate with.toml {groups} --plan with.csv");
     let evaluated = number(&place.json(&evaluate)["rho0_mm"]);
-    assert!(
-        (evaluated / beside - 1.0).abs() < 1e-6,
-        "{evaluated} {beside}"
-    );
+    assert_alike(evaluated, beside, 1e-6);
     assert!(beside <= alone * 1.05, "{beside} {alone}");
 }
 
 /// A station that has a name, and of which nothing is known, reads what one without a name does.
 #[test]
 fn plans_do_not_depend_on_a_stations_name() {
-    let place = Workplace::new();
-    place.write("arm.xml", ON_A_RAIL);
+    let place = Workplace::with("arm.xml", ON_A_RAIL);
     let (instrument, rest) = RAIL.split_once("[instrument.distance]").expect("a table");
     let (_, rest) = rest.split_once("[[test_pose]]").expect("a table");
     let station = "[[station]]\nname = \"tracker\"\nposition_mm = [-2000, 1800, 700]\n";
@@ -699,8 +641,7 @@ fn plans_do_not_depend_on_a_stations_name() {
 /// What an earlier campaign of one tracker found is known beside a cup whose place and a table whose inclination are uncertain.
 #[test]
 fn plans_beside_a_cup_and_a_table_go_on_from_a_prior() {
-    let place = Workplace::new();
-    place.write("arm.xml", ON_A_RAIL);
+    let place = Workplace::with("arm.xml", ON_A_RAIL);
     let all = RAIL
         .split("[[uncertainty]]\nkind = \"link_position\"")
         .next();
@@ -722,13 +663,9 @@ fn plans_beside_a_cup_and_a_table_go_on_from_a_prior() {
         "measure first.toml --plan p.csv --run 1 --measurements-out m.csv",
         "identify first.toml --measurements m.csv --identified-out i.json",
     ] {
-        place.run(arguments).ends_with(0);
+        place.done(arguments);
     }
     let planned = place.json("plan second.toml --draw 8 --plan-out q.csv");
     let evaluated = place.json("evaluate second.toml --plan q.csv");
-    let [planned, evaluated] = [planned, evaluated].map(|json| number(&json["rho0_mm"]));
-    assert!(
-        (planned / evaluated - 1.0).abs() < 1e-6,
-        "{planned} {evaluated}"
-    );
+    assert_same_rho0(&planned, &evaluated, 1e-6);
 }

@@ -3,7 +3,6 @@
 
 use std::path::Path;
 
-use elastocal::plan::Experiment;
 use elastocal::robot::{EquilibriumSolver, Load};
 use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
@@ -11,7 +10,7 @@ use mujoco_rs::prelude::{MjData, MjModel};
 use mujoco_rs::wrappers::mj_model::{MjtDisableBit, MjtObjBase};
 use nalgebra::{DVector, Vector3};
 
-use crate::support::Workplace;
+use crate::support::{Workplace, experiment};
 
 /// The commanded angles (deg) and the load (N) at which features are tried.
 const COMMANDED_DEG: [f64; 3] = [20.0, -35.0, 50.0];
@@ -373,13 +372,10 @@ fn a_measurement_of_a_geared_arm_is_mujocos() {
     let compliance = scenario.truth.robot.compliance_rad_per_nm[1];
     assert!((compliance * 360_000.0 - 1.0).abs() < 1e-12);
     let [x, y, z] = LOAD_N;
-    let experiment = Experiment {
-        configuration_rad: DVector::from_iterator(3, COMMANDED_DEG.map(f64::to_radians)),
-        load: Load::force(x, y, z),
-        repeats: 1,
-        approach: None,
-        direction: None,
-    };
+    let experiment = experiment(
+        DVector::from_iterator(3, COMMANDED_DEG.map(f64::to_radians)),
+        Load::force(x, y, z),
+    );
     let mut robot = VirtualRobot::new(&scenario.truth.robot, "tool").expect("the site exists");
     let seen = robot
         .displacement(1, &experiment)

@@ -3,21 +3,19 @@
 use elastocal::mujoco::{Additions, Model, MountedPayload};
 use elastocal::plan::search::random_plan;
 use elastocal::robot::SerialChain;
-use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
 
-use crate::support::{Workplace, error_message, project, scenario_text};
+use crate::support::{Workplace, assert_has, error_message, project, scenario_text};
 
 /// The error and the hint of `check` for a scenario with this model.
 fn refusal(name: &str, model: &str) -> (String, String) {
-    let workplace = Workplace::new();
-    workplace.write(name, model);
+    let workplace = Workplace::with(name, model);
     let text = scenario_text("planar_3r");
     let path = project("models/planar_3r.xml");
     let mine = text.replace(&*path.to_string_lossy(), name);
     assert_ne!(mine, text);
     workplace.write("my.toml", mine);
-    let outcome = workplace.run("check my.toml --quiet").ends_with(1);
+    let outcome = workplace.refused("check my.toml --quiet");
     let mut lines = outcome.stderr.lines();
     let error = lines.next().unwrap_or_default().to_owned();
     let hint = lines.next().unwrap_or_default().to_owned();
@@ -69,13 +67,13 @@ fn a_model_that_scales_payloads_is_refused() {
     for attribute in ["settotalmass=\"100\"", "boundmass=\"2\""] {
         let compiler = format!("<compiler {attribute} ");
         workplace.write("arm.xml", planar().replace("<compiler ", &compiler));
-        let outcome = workplace.run("check my.toml --quiet").ends_with(1);
+        let outcome = workplace.refused("check my.toml --quiet");
         outcome.says("makes the payload of 1.3 kg one of ");
     }
     // Where geometries alone say what weighs, the payload is added to them.
     let by_geometry = planar().replace("<compiler ", "<compiler inertiafromgeom=\"true\" ");
     workplace.write("arm.xml", by_geometry.replace("mass=\"0\"", "mass=\"1\""));
-    workplace.run("check my.toml --quiet").ends_with(0);
+    workplace.done("check my.toml --quiet");
     let mass = |additions: &Additions| -> f64 {
         let model = Model::load_with(&workplace.path("arm.xml"), additions).expect("a model");
         let chain = SerialChain::from_model(&model).expect("a chain");
@@ -95,7 +93,7 @@ fn a_model_that_scales_payloads_is_refused() {
     // A body that MuJoCo would fuse weighs the same.
     let fused = planar().replace("<compiler ", "<compiler fusestatic=\"true\" ");
     workplace.write("arm.xml", fused);
-    workplace.run("check my.toml --quiet").ends_with(0);
+    workplace.done("check my.toml --quiet");
 }
 
 #[test]
@@ -113,10 +111,7 @@ fn a_model_without_sites_says_to_add_one() {
         "",
     );
     let (error, hint) = refusal("arm.xml", &without);
-    assert!(
-        error.contains("no site named \"tool\"; it has: none"),
-        "{error}"
-    );
+    assert_has(&error, "no site named \"tool\"; it has: none");
     assert!(hint.contains("<site name="), "{hint}");
 }
 
@@ -137,8 +132,7 @@ fn mujocos_messages_are_whole() {
         "",
         "[[obstacle]]\nname = \"box\"\nkind = \"sphere\"\nradius_mm = 9\nposition_mm = [9, 9, 9]\n",
     ] {
-        let workplace = Workplace::new();
-        workplace.write("arm.xml", &wrong);
+        let workplace = Workplace::with("arm.xml", &wrong);
         let path = project("models/planar_3r.xml");
         let text = scenario_text("planar_3r").replace(&*path.to_string_lossy(), "arm.xml");
         let text = text.replace(
@@ -146,13 +140,9 @@ fn mujocos_messages_are_whole() {
             &format!("collision_clearance_mm = 1\n{obstacle}[design]"),
         );
         workplace.write("my.toml", text);
-        let outcome = workplace.run("check my.toml --quiet").ends_with(1);
-        assert!(outcome.stderr.contains(attribute), "{}", outcome.stderr);
-        assert!(
-            outcome.stderr.contains(&format!("line {line}")),
-            "{}",
-            outcome.stderr
-        );
+        let outcome = workplace.refused("check my.toml --quiet");
+        outcome.says(attribute);
+        outcome.says(&format!("line {line}"));
         assert_eq!(outcome.stderr.lines().count(), 1, "{}", outcome.stderr);
     }
 }
@@ -163,7 +153,7 @@ fn pairs_that_collide_everywhere_are_named_with_their_share() {
     let ball = "[[obstacle]]\nname = \"bunker\"\nkind = \"sphere\"\nradius_mm = 700\nposition_mm = [0, 0, 600]\n";
     let text = scenario_text("kr270").replace("[design]", &format!("{ball}[design]"));
     workplace.write("my.toml", text);
-    let scenario = Scenario::load(&workplace.path("my.toml")).expect("valid");
+    let scenario = workplace.scenario("my.toml");
     let error = random_plan(&scenario.task, 1, scenario.seed, 0)
         .expect_err("all collides")
         .to_string();

@@ -3,9 +3,8 @@
 use elastocal::identification::{AbsoluteCase, ModelSelection, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::{ElasticArm, ParameterKind, ParameterSet};
-use elastocal::robot::Load;
 use elastocal::task::Belief;
 use nalgebra::{DVector, Matrix6, Matrix6xX, Rotation3, UnitQuaternion, Vector3, Vector6};
 use rand::Rng;
@@ -14,6 +13,8 @@ use rayon::prelude::*;
 use crate::one_fit::{
     SIGMA_M, SIGMA_RAD, between, normal, plain, seen_arm, ur10, vector, workplace,
 };
+
+use crate::support::{blank_reading, force, setup};
 
 /// A joint's angle error (rad) at an angle (rad): what no parameter of the model is.
 pub type Gear<'a> = &'a dyn Fn(usize, f64) -> f64;
@@ -58,19 +59,13 @@ pub fn read_where<R: Rng>(
     (0..readings)
         .map(|reading| {
             let told = told(reading, random);
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: DVector::from_fn(told.len(), |joint, _| {
+            let setup = setup(
+                DVector::from_fn(told.len(), |joint, _| {
                     told[joint] + gear(joint, told[joint])
                 }),
-                load: Load {
-                    force_n: vector(random, force_n),
-                    torque_nm: Vector3::zeros(),
-                },
-                target: 0,
-                station: 0,
-                approach: None,
-            };
+                force(vector(random, force_n)),
+                0,
+            );
             let seen = model
                 .predict(&setup, ReadingKind::Pose, &mut ignored)
                 .expect("stable");
@@ -81,16 +76,10 @@ pub fn read_where<R: Rng>(
             AbsoluteReading {
                 configuration_rad: told,
                 load: setup.load,
-                target: None,
-                station: None,
-                visit: None,
                 position_m,
                 rotation: Some(UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect()
@@ -198,19 +187,13 @@ fn the_command_recommends_fits_and_draws() {
         "Use --parameters frames",
         "wrote i.json",
     ] {
-        assert!(
-            outcome.stdout.contains(words),
-            "{words}: {}",
-            outcome.stdout
-        );
+        outcome.prints(words);
     }
     assert!(place.read("l.svg").contains("recommended"));
     crate::browser::plot_looks_well(&place.path("l.svg"));
     let json = place.run(&format!("{command} --json")).json();
     assert_eq!(json["groups"][0], "frames");
-    let nested_models = json["model_selection"]["nested_models"]
-        .as_array()
-        .expect("a list");
+    let nested_models = crate::support::list(&json["model_selection"]["nested_models"]);
     assert!(nested_models.len() >= 4);
     assert_eq!(nested_models[2]["groups"][0], "geometry");
     for threads in [1, 3] {
@@ -219,33 +202,16 @@ fn the_command_recommends_fits_and_draws() {
             .json();
         assert_eq!(json, other);
     }
-    let twice = place
-        .run(&format!("{command} --parameters frames"))
-        .ends_with(2);
-    assert!(
-        twice.stderr.contains("cannot be used with"),
-        "{}",
-        twice.stderr
-    );
+    let twice = place.misused(&format!("{command} --parameters frames"));
+    twice.says("cannot be used with");
 }
 
 #[test]
 fn what_no_model_selection_can_be_made_of_is_refused() {
     let place = workplace(&plain(5, true));
     let command = "identify s.toml --quiet --measurements m.csv --model-selection";
-    let outcome = place.run(command).ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("8 different configurations are needed: 5"),
-        "{}",
-        outcome.stderr
-    );
+    let outcome = place.refused(command);
+    outcome.says("8 different configurations are needed: 5");
     place.write("m.csv", "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,dx_mm,dy_mm,dz_mm\n1,2,3,4,5,6,0,0,-98,0,0,0,0,0,-1\n");
-    let outcome = place.run(command).ends_with(1);
-    assert!(
-        outcome.stderr.contains("leave out --model-selection"),
-        "{}",
-        outcome.stderr
-    );
+    place.refused(command).says("leave out --model-selection");
 }

@@ -1,33 +1,26 @@
 //! What to measure next, after some of a plan is measured.
 
 use std::cell::RefCell;
-use std::sync::atomic::AtomicBool;
 
 use elastocal::calibration::{compensate_poses, identify_as_planned, measure};
 use elastocal::laboratory::next::{Remaining, rest};
 use elastocal::measurement::Measurement;
 use elastocal::numeric::random::generator;
 use elastocal::plan::Plan;
-use elastocal::plan::search::Watch;
 use elastocal::testbed::TrueRobots;
 use rand::RngExt;
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, scenario_text};
+use crate::support::{Workplace, assert_alike, list, number, numbers, scenario_text, unwatched};
 
 /// A scenario, a plan of six, and the measurements of its first experiments.
 fn after(measured: usize) -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    workplace
-        .run("plan s.toml --quiet --no-proof --experiments 6 --plan-out plan.csv")
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    workplace.done("plan s.toml --quiet --no-proof --experiments 6 --plan-out plan.csv");
     let lines = workplace.read("plan.csv");
     let first: Vec<&str> = lines.lines().take(1 + measured).collect();
     workplace.write("first.csv", first.join("\n") + "\n");
-    workplace
-        .run("measure s.toml --quiet --plan first.csv --measurements-out m.csv")
-        .ends_with(0);
+    workplace.done("measure s.toml --quiet --plan first.csv --measurements-out m.csv");
     workplace
 }
 
@@ -47,9 +40,7 @@ fn the_rest_visits_as_few_configurations_as_the_campaign_may() {
         let design = format!("[design]\nexperiments = 6\nconfigurations = {most}");
         let few = scenario.replace("[design]\nexperiments = 3", &design);
         workplace.write("few.toml", few);
-        workplace
-            .run("next few.toml --quiet --measurements m.csv --plan-out rest.csv")
-            .ends_with(0);
+        workplace.done("next few.toml --quiet --measurements m.csv --plan-out rest.csv");
         let rest = rows(&workplace, "rest.csv");
         let repeats: f64 = rest.iter().map(|row| row[12]).sum();
         let measured = rows(&workplace, "first.csv");
@@ -106,10 +97,7 @@ fn the_rest_is_no_worse_than_that_of_the_plan() {
 #[test]
 fn the_rest_goes_with_what_is_measured() {
     let workplace = after(3);
-    let json = workplace
-        .run("next --quiet --measurements m.csv --plan plan.csv --plan-out rest.csv --json")
-        .ends_with(0)
-        .json();
+    let json = workplace.json("next --measurements m.csv --plan plan.csv --plan-out rest.csv");
     assert_eq!(json["measured"], 3);
     assert_eq!(json["reached"], true);
     let rest = workplace.read("rest.csv");
@@ -126,14 +114,9 @@ fn the_rest_goes_with_what_is_measured() {
         .sum();
     assert_eq!(count, 3);
     workplace.write("all.csv", measured + &rows.join("\n") + "\n");
-    let all = workplace
-        .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
-        .json();
+    let all = workplace.record("evaluate s.toml --no-proof --plan all.csv");
     let (predicted, evaluated) = (micro(&json, "rho0_mm"), micro(&all, "rho0_mm"));
-    assert!(
-        (predicted / evaluated - 1.0).abs() < 1e-9,
-        "{predicted} {evaluated}"
-    );
+    assert_alike(predicted, evaluated, 1e-9);
     let old = micro(&json, "old_rest_rho0_mm");
     assert!(predicted < old * 1.001, "{predicted} {old}");
     assert!(predicted >= micro(&json, "lower_bound_rho0_mm"));
@@ -164,10 +147,8 @@ fn an_accuracy_takes_as_few_as_needed() {
     assert_eq!(more["reached"], true);
     assert!(micro(&more, "rho0_mm") <= wanted);
     let count = |json: &Value| -> f64 {
-        let plan = json["plan"].as_array().expect("a plan");
-        plan.iter()
-            .map(|each| each["repeats"].as_f64().expect("a number"))
-            .sum()
+        let plan = list(&json["plan"]);
+        plan.iter().map(|each| number(&each["repeats"])).sum()
     };
     let needed = count(&more);
     assert!(needed >= 1.0);
@@ -191,11 +172,9 @@ fn what_is_impossible_is_replaced() {
                 .collect()
         })
         .expect("a row");
-    let json = workplace
-        .run("next --quiet --measurements m.csv --plan plan.csv --skip 5 --skip-within-deg 12 --json")
-        .ends_with(0)
-        .json();
-    let next = json["plan"].as_array().expect("a plan");
+    let json =
+        workplace.json("next --measurements m.csv --plan plan.csv --skip 5 --skip-within-deg 12");
+    let next = list(&json["plan"]);
     assert!(!next.is_empty());
     for experiment in next {
         let q = numbers(&experiment["q_deg"]);
@@ -208,26 +187,15 @@ fn what_is_impossible_is_replaced() {
             .fold(0.0, f64::max);
         assert!(apart > 12.0, "{apart} deg");
     }
-    let outcome = workplace
-        .run("next --quiet --measurements m.csv --plan plan.csv --skip 7")
-        .ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("plan.csv: --skip: found 7; 1 to 6 are allowed"),
-        "{outcome:#?}"
-    );
-    let outcome = workplace
-        .run("next --quiet --measurements m.csv --plan plan.csv --skip 2")
-        .ends_with(1);
+    let outcome = workplace.refused("next --quiet --measurements m.csv --plan plan.csv --skip 7");
+    outcome.says("plan.csv: --skip: found 7; 1 to 6 are allowed");
+    let outcome = workplace.refused("next --quiet --measurements m.csv --plan plan.csv --skip 2");
     assert!(
         (outcome.stderr).contains("plan.csv: --skip: found 2, which is measured"),
         "{outcome:#?}"
     );
-    let outcome = workplace
-        .run("next --quiet --measurements m.csv --skip 2")
-        .ends_with(2);
-    assert!(outcome.stderr.contains("--plan"), "{outcome:#?}");
+    let outcome = workplace.misused("next --quiet --measurements m.csv --skip 2");
+    outcome.says("--plan");
 }
 
 /// Measurements tell as much as their own standard deviations say: half of the scenario's is as much as four times as
@@ -296,12 +264,8 @@ fn uncertainties_and_mandatory_experiments_go_with_the_rest() {
         ),
     );
     // Without noise the robot is identified as what it is believed to be.
-    workplace
-        .run("measure s.toml --quiet --noise-free --plan first.csv --measurements-out m.csv")
-        .ends_with(0);
-    let json = workplace
-        .run("next --quiet --measurements m.csv --plan-out rest.csv --json")
-        .json();
+    workplace.done("measure s.toml --quiet --noise-free --plan first.csv --measurements-out m.csv");
+    let json = workplace.record("next --measurements m.csv --plan-out rest.csv");
     let rest = workplace.read("rest.csv");
     let angles = |row: &str| -> Vec<f64> {
         let cells = row.split(',').take(6);
@@ -319,14 +283,9 @@ fn uncertainties_and_mandatory_experiments_go_with_the_rest() {
     assert!(!found.iter().any(|row| is(row, &rows[1])), "{rest}");
     let all = rows[..4].concat() + &found.join("\n") + "\n";
     workplace.write("all.csv", all);
-    let evaluated = workplace
-        .run("evaluate s.toml --quiet --no-proof --plan all.csv --json")
-        .json();
+    let evaluated = workplace.record("evaluate s.toml --no-proof --plan all.csv");
     let [predicted, evaluated] = [&json, &evaluated].map(|json| micro(json, "rho0_mm"));
-    assert!(
-        (predicted / evaluated - 1.0).abs() < 1e-4,
-        "{predicted} {evaluated}"
-    );
+    assert_alike(predicted, evaluated, 1e-4);
 }
 
 /// What a campaign leaves at the test pose, rms over runs (m): planned at once, and replanned after half of it,
@@ -335,11 +294,7 @@ fn compared(name: &str, total: u32, runs: u64) -> [f64; 3] {
     let mut scenario = crate::support::scenario(name);
     let mut squares = [0.0; 3];
     let seed = scenario.seed;
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let believed = scenario.task.belief.nominal.compliance_rad_per_nm.clone();
     // Planning sees the belief alone, which is the same in all runs.
     let plan_of = |count: u32| {
@@ -442,9 +397,7 @@ fn what_a_configuration_shares_is_counted_once() {
     let place = Workplace::new();
     let source = "\n[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.1\n";
     place.write("s.toml", scenario_text("klimchik2012") + source);
-    place
-        .run("plan s.toml --quiet --no-proof --experiments 2 --plan-out two.csv")
-        .ends_with(0);
+    place.done("plan s.toml --quiet --no-proof --experiments 2 --plan-out two.csv");
     let two = place.read("two.csv");
     for (name, repeats) in [("half.csv", "3"), ("whole.csv", "6")] {
         let rows = two.lines().map(|line| match line.strip_suffix(",1") {
@@ -453,25 +406,14 @@ fn what_a_configuration_shares_is_counted_once() {
         });
         place.write(name, rows.collect::<String>());
     }
-    place
-        .run("measure s.toml --quiet --plan half.csv --measurements-out m.csv")
-        .ends_with(0);
-    let whole = place
-        .run("evaluate s.toml --plan whole.csv --no-proof --json --quiet")
-        .json();
-    let next = place
-        .run("next s.toml --measurements m.csv --plan whole.csv --experiments 12 --json --quiet")
-        .json();
+    place.done("measure s.toml --quiet --plan half.csv --measurements-out m.csv");
+    let whole = place.record("evaluate s.toml --plan whole.csv --no-proof");
+    let next = place.record("next s.toml --measurements m.csv --plan whole.csv --experiments 12");
     let [whole_um, rest_um] = [micro(&whole, "rho0_mm"), micro(&next, "old_rest_rho0_mm")];
     // Planned about what was identified.
-    assert!(
-        (rest_um / whole_um - 1.0).abs() < 0.05,
-        "{rest_um}, {whole_um}"
-    );
+    assert_alike(rest_um, whole_um, 0.05);
     // Where nothing is left there is no rest.
-    let done = place
-        .run("next s.toml --measurements m.csv --plan half.csv --experiments 6 --json --quiet")
-        .json();
+    let done = place.record("next s.toml --measurements m.csv --plan half.csv --experiments 6");
     assert!(done["measured_rho0_mm"].is_number());
     assert!(done["old_rest_rho0_mm"].is_null(), "{done}");
 }

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, number, scenario_text};
+use crate::support::{Workplace, absolute_scenario_text, list, number, scenario_text};
 
 const HEADER: &str =
     "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,target\n";
@@ -43,8 +43,7 @@ fn taken() -> String {
 
 /// A workplace with what is taken, as it was read.
 fn workplace() -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("ur10") + SHARED);
+    let place = Workplace::with("s.toml", absolute_scenario_text("ur10") + SHARED);
     place.write("taken.csv", HEADER.to_owned() + &taken());
     place.json("measure s.toml --plan taken.csv --measurements-out read.csv");
     place
@@ -73,7 +72,7 @@ fn the_rest_counts_with_what_is_taken() {
         (&json["measured"], &json["reached"]),
         (&6.into(), &true.into())
     );
-    assert_eq!(json["plan"].as_array().expect("readings").len(), 3);
+    assert_eq!(list(&json["plan"]).len(), 3);
     let rest = place.read("rest.csv");
     let (header, rows) = rest.split_once('\n').expect("rows");
     assert_eq!(header, HEADER.trim_end());
@@ -102,7 +101,7 @@ fn the_next_reading_is_the_best() {
     let wanted =
         |accuracy_mm: f64| place.json(&format!("{NEXT} --accuracy-um {}", accuracy_mm * 1e3));
     let few = wanted(found * (1.0 - 1e-6));
-    let count = |json: &Value| json["plan"].as_array().expect("readings").len();
+    let count = |json: &Value| list(&json["plan"]).len();
     assert_eq!(count(&few), 2);
     assert!(number(&few["rho0_mm"]) <= found);
     assert_eq!(count(&wanted(2.0 * number(&json["measured_rho0_mm"]))), 0);
@@ -122,7 +121,7 @@ fn the_next_readings_visit_as_few_configurations_as_the_campaign_may() {
         let text = text.replace("experiments = 4", &few);
         place.write("s.toml", text);
         let json = place.json(&format!("{NEXT} --experiments 9"));
-        let plan = json["plan"].as_array().expect("readings");
+        let plan = list(&json["plan"]);
         let repeats: f64 = plan.iter().map(|each| number(&each["repeats"])).sum();
         assert!(
             plan.len() <= more && (repeats - 3.0).abs() < 1e-9,
@@ -148,7 +147,7 @@ fn tables_are_taken_as_far_as_they_are_filled_in() {
     );
     let json = place.json(&format!("{NEXT} --experiments 8"));
     assert_eq!(json["measured"], 3);
-    assert_eq!(json["plan"].as_array().expect("readings").len(), 5);
+    assert_eq!(list(&json["plan"]).len(), 5);
 }
 
 /// What is about the other accuracy is refused by name.
@@ -160,7 +159,7 @@ fn what_is_of_the_other_accuracy_is_refused() {
         HEADER.to_owned() + &row(OTHERS[0], false, "spindle"),
     );
     let refused = |arguments: &str, says: &str| {
-        place.run(arguments).ends_with(1).says(says);
+        place.refused(arguments).says(says);
     };
     refused(
         &format!("{NEXT} --plan taken.csv"),
@@ -171,9 +170,7 @@ fn what_is_of_the_other_accuracy_is_refused() {
         &NEXT.replace("s.toml", "relative.toml"),
         "--parameters is for plans of absolute readings",
     );
-    place
-        .run("plan relative.toml --no-proof --plan-out p.csv --quiet")
-        .ends_with(0);
+    place.done("plan relative.toml --no-proof --plan-out p.csv --quiet");
     place.json("measure relative.toml --plan p.csv --measurements-out read.csv");
     refused(NEXT, "holds deflections");
 }
@@ -186,7 +183,7 @@ fn budgets_of_sampled_configurations_fall() {
     let text = absolute_scenario_text("ur10") + repeatability;
     place.write("s.toml", text.replace("seed = 1", "seed = 5"));
     let json = place.json_with_conditions("budget s.toml --draw 4 --up-to 14 --parameters zeros");
-    let points = json["budget"].as_array().expect("a list");
+    let points = list(&json["budget"]);
     let of = |key: &str| {
         points
             .iter()

@@ -11,7 +11,9 @@ use nalgebra::Vector3;
 
 use crate::gauges::{beside, of_both};
 use crate::planning::designed;
-use crate::support::{Workplace, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_has, assert_near, scenario, scenario_text, state_at, table4,
+};
 
 /// The laboratory's scenario with more tables.
 fn with_obstacle(workplace: &Workplace, table: &str) -> PathBuf {
@@ -29,14 +31,7 @@ fn load(path: &Path) -> Scenario {
 
 /// Where the reflector is (mm).
 fn reflector_mm(scenario: &Scenario, experiment: &Experiment) -> Vector3<f64> {
-    let arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
-    let state = arm.state(experiment.configuration_rad.as_slice());
-    state.tool_position * 1e3
+    state_at(scenario, &experiment.configuration_rad).tool_position * 1e3
 }
 
 fn violations(scenario: &Scenario) -> Vec<Violation> {
@@ -62,15 +57,10 @@ fn an_obstacle_at_the_tool_is_reported_and_avoided() {
     );
     let scenario = load(&path);
     assert_ne!(scenario.sha256, free.sha256);
-    elastocal::plan::write_plan(&workplace.path("plan.csv"), 6, &plan).expect("it is written");
-    let outcome = workplace
-        .run("check my.toml --plan plan.csv --json --quiet")
-        .ends_with(3);
+    workplace.write_plan("plan.csv", 6, &plan);
+    let outcome = workplace.doubted("check my.toml --plan plan.csv --json --quiet");
     let problems = outcome.json()["problems"].to_string();
-    assert!(
-        problems.contains("experiment 2: distance of "),
-        "{problems}"
-    );
+    assert_has(&problems, "experiment 2: distance of ");
     assert!(problems.contains("crane hook"), "{problems}");
     assert!(problems.contains("the bound is 20.000 mm"), "{problems}");
 
@@ -119,10 +109,7 @@ fn an_obstacle_hides_the_reflector_from_the_tracker() {
             .find(hidden)
             .unwrap_or_else(|| panic!("{shape}: {found:?}"));
         // Half of the way is free, up to the obstacle's size.
-        assert!(
-            (hidden.found / hidden.bound - 0.5).abs() < 0.1,
-            "{hidden:?}"
-        );
+        assert_near(hidden.found / hidden.bound, 0.5, 0.1);
     }
 }
 
@@ -183,8 +170,7 @@ fn a_gauge_looks_at_nothing() {
             .filter(|each| each.what.contains("line of sight"));
         hidden.filter_map(|each| each.experiment).collect()
     };
-    let place = Workplace::new();
-    place.write("s.toml", &text);
+    let place = Workplace::with("s.toml", &text);
     assert_eq!(hidden(&load(&place.path("s.toml"))), [0; 0]);
     let screen = "[[obstacle]]\nname = \"screen\"\nkind = \"sphere\"\nradius_mm = 300\nposition_mm = [3800, -1400, 1300]\n[design]";
     place.write("s.toml", text.replace("[design]", screen));

@@ -3,14 +3,13 @@
 
 use serde_json::{Value, json};
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, scenario_text, shipped};
 
 fn workplace() -> Workplace {
     let workplace = Workplace::new();
     let text = scenario_text("klimchik2012");
     let plans = text.find("[[study.plan]]").expect("is there");
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let plan = plan.display();
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     let entry = format!("[[study.plan]]\nname = \"paper\"\nkind = \"file\"\nfile = \"{plan}\"\n");
     workplace.write("s.toml", format!("{}{entry}", &text[..plans]));
     for arguments in [
@@ -18,7 +17,7 @@ fn workplace() -> Workplace {
         "identify s.toml --measurements m.csv --identified-out good.json".to_owned(),
         "study s.toml --trials 64 --resume tally.json".to_owned(),
     ] {
-        workplace.run(&arguments).ends_with(0);
+        workplace.done(&arguments);
     }
     let study = workplace.read("out/s/study.json");
     workplace.write("study.json", study);
@@ -27,7 +26,7 @@ fn workplace() -> Workplace {
 
 /// Writes a file with one value replaced.
 fn edit(workplace: &Workplace, from: &str, pointer: &str, value: Value) {
-    let mut json: Value = serde_json::from_str(&workplace.read(from)).expect("JSON");
+    let mut json = workplace.parsed(from);
     *json.pointer_mut(pointer).expect("is there") = value;
     workplace.write("edited.json", json.to_string());
 }
@@ -123,13 +122,13 @@ fn other_versions_are_refused_with_what_to_do() {
         ),
     ] {
         edit(&workplace, file, pointer, value);
-        let outcome = workplace.run(command).ends_with(1);
-        assert!(outcome.stderr.contains(says), "{says}: {outcome:#?}");
-        assert!(outcome.stderr.contains(hint), "{hint}: {outcome:#?}");
+        let outcome = workplace.refused(command);
+        outcome.says(says);
+        outcome.says(hint);
     }
     for (file, command) in [("good.json", compensate), ("tally.json", merge)] {
         workplace.write("edited.json", workplace.read(file));
-        workplace.run(command).ends_with(0);
+        workplace.done(command);
     }
 }
 
@@ -156,9 +155,7 @@ fn a_tally_names_no_place_elsewhere() {
         "\u{1b}[31m",
     ] {
         edit(&workplace, "tally.json", "/study/scenario", json!(name));
-        let outcome = workplace
-            .run("merge edited.json --out deep/er")
-            .ends_with(1);
+        let outcome = workplace.refused("merge edited.json --out deep/er");
         let says = "edited.json: study.scenario: found ";
         assert!(outcome.stderr.contains(says), "{name:?}: {outcome:#?}");
         let is_ours = |line: &str| line.starts_with("error E0701: ") || line.starts_with("hint: ");
@@ -171,12 +168,10 @@ fn a_tally_names_no_place_elsewhere() {
         let scenario = format!("{name}.toml");
         let text = workplace.read("s.toml");
         workplace.write(&scenario, text);
-        workplace
-            .run(&format!(
-                "study {scenario} --trials 64 --shard 1/1 --tally-out named.json"
-            ))
-            .ends_with(0);
-        workplace.run("merge named.json --out deep/er").ends_with(0);
+        workplace.done(&format!(
+            "study {scenario} --trials 64 --shard 1/1 --tally-out named.json"
+        ));
+        workplace.done("merge named.json --out deep/er");
         assert!(
             workplace
                 .path(&format!("deep/er/{name}/study.csv"))

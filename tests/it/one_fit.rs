@@ -14,7 +14,10 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::support::{Outcome, Workplace, number, project, scenario, ur10_under_any_load};
+use crate::support::{
+    Outcome, Workplace, blank_reading, force, list, number, project, scenario, setup,
+    ur10_under_any_load,
+};
 
 pub const SIGMA_M: f64 = 1.5e-5;
 pub const SIGMA_RAD: f64 = 2e-5;
@@ -44,6 +47,31 @@ pub struct Campaign {
     pub force_n: f64,
 }
 
+impl Campaign {
+    /// Of so many readings without a load, with so many times the instrument's noise.
+    pub const fn new(readings: usize, is_pose: bool, noise: f64) -> Self {
+        Self {
+            readings,
+            is_pose,
+            noise,
+            force_n: 0.0,
+        }
+    }
+
+    pub const fn poses(readings: usize, noise: f64) -> Self {
+        Self::new(readings, true, noise)
+    }
+
+    pub const fn positions(readings: usize, noise: f64) -> Self {
+        Self::new(readings, false, noise)
+    }
+
+    /// Under forces of up to that size.
+    pub const fn under(self, force_n: f64) -> Self {
+        Self { force_n, ..self }
+    }
+}
+
 /// Readings of an arm by a random campaign.
 pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec<AbsoluteReading> {
     let nothing = ParameterSet::empty();
@@ -59,10 +87,7 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                 // Loads hang on the calibration tool.
                 hangs_on: (target > 0).then_some(Hook::Tool(0)),
                 commanded_rad: DVector::from_fn(arm.chain.len(), |_, _| between(random, -2.6, 2.6)),
-                load: Load {
-                    force_n: vector(random, campaign.force_n),
-                    torque_nm: Vector3::zeros(),
-                },
+                load: force(vector(random, campaign.force_n)),
                 target,
                 station: index % stations,
                 approach: None,
@@ -80,16 +105,12 @@ pub fn read(random: &mut impl Rng, arm: &ElasticArm, campaign: &Campaign) -> Vec
                 load: setup.load,
                 target: Some(arm.tools[setup.target].name.clone()),
                 station: (stations > 1).then(|| format!("S{}", setup.station)),
-                visit: None,
                 position_m,
                 rotation: campaign
                     .is_pose
                     .then(|| UnitQuaternion::from_rotation_matrix(&rotation)),
                 covariance: Some(covariance),
-                approach: None,
-                length: None,
-                time_s: None,
-                temperature_c: None,
+                ..blank_reading()
             }
         })
         .collect()
@@ -198,12 +219,7 @@ fn frames_and_geometry_come_back_without_a_guess() {
     {
         let mut random = generator(5, case as u64);
         let nominal = seen_arm(&mut random, &scenario, stations, targets);
-        let campaign = Campaign {
-            readings: 120,
-            is_pose,
-            noise: 0.0,
-            force_n: 0.0,
-        };
+        let campaign = Campaign::new(120, is_pose, 0.0);
         let dry = read(&mut random, &nominal, &campaign);
         let fit = AbsoluteCase::new(belief, &dry)
             .and_then(|mut case| case.fit(&GEOMETRY, ReadingWeights::AsNeeded));
@@ -239,12 +255,7 @@ fn loads_act_where_the_calibration_tool_is_found() {
     let belief = &scenario.task.belief;
     let mut random = generator(9, 0);
     let nominal = seen_arm(&mut random, &scenario, 1, 2);
-    let campaign = Campaign {
-        readings: 80,
-        is_pose: false,
-        noise: 0.0,
-        force_n: 60.0,
-    };
+    let campaign = Campaign::positions(80, 0.0).under(60.0);
     let fitted = |readings: &[AbsoluteReading]| {
         let fit = AbsoluteCase::new(belief, readings)
             .and_then(|mut case| case.fit(&[ParameterGroup::Compliances], ReadingWeights::Own));
@@ -268,12 +279,7 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
     let groups = [ParameterGroup::Geometry, ParameterGroup::Compliances];
     let mut random = generator(7, 0);
     let nominal = seen_arm(&mut random, &scenario, 1, 1);
-    let campaign = Campaign {
-        readings: 40,
-        is_pose: true,
-        noise: 1.0,
-        force_n: 60.0,
-    };
+    let campaign = Campaign::poses(40, 1.0).under(60.0);
     let fitted = |readings: &[AbsoluteReading]| {
         let mut case = AbsoluteCase::new(belief, readings)?;
         case.fit(&groups, ReadingWeights::Own)
@@ -328,16 +334,7 @@ fn identify(place: &Workplace, more: &str) -> Outcome {
 pub fn plain(readings: usize, is_pose: bool) -> Vec<AbsoluteReading> {
     let mut random = generator(11, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    read(
-        &mut random,
-        &arm,
-        &Campaign {
-            readings,
-            is_pose,
-            noise: 1.0,
-            force_n: 0.0,
-        },
-    )
+    read(&mut random, &arm, &Campaign::new(readings, is_pose, 1.0))
 }
 
 #[test]
@@ -352,17 +349,13 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
         "distance [mm]",
         "wrote i.json",
     ] {
-        assert!(
-            outcome.stdout.contains(words),
-            "{words}: {}",
-            outcome.stdout
-        );
+        outcome.prints(words);
     }
     let json = identify(&place, "--parameters geometry --json").json();
     assert_eq!(json["kind"], "absolute");
-    assert_eq!(json["unknowns"].as_array().expect("a list").len(), 30);
-    assert_eq!(json["covariance"].as_array().expect("a list").len(), 30);
-    assert!(json["distance_mm"]["mean"].as_f64().expect("a number") < 0.04);
+    assert_eq!(list(&json["unknowns"]).len(), 30);
+    assert_eq!(list(&json["covariance"]).len(), 30);
+    assert!(number(&json["distance_mm"]["mean"]) < 0.04);
     // The same on any threads, to the bit.
     for threads in [1, 2, 3] {
         let other = identify(
@@ -374,7 +367,7 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
     }
     // What the scenario names, when no group is given.
     let json = identify(&place, "--json").json();
-    let names: Vec<&str> = (json["unknowns"].as_array().expect("a list").iter())
+    let names: Vec<&str> = (list(&json["unknowns"]).iter())
         .filter_map(|each| each["name"].as_str())
         .collect();
     assert!(
@@ -383,12 +376,10 @@ fn the_command_tells_frames_parameters_and_what_is_left() {
     );
     // What was fitted stands for other readings.
     place.forget_readings("i.json");
-    let checked = place
-        .run("validate --quiet --identified i.json --measurements m.csv --json")
-        .json();
-    let one = checked["distance_mm"]["mean"].as_f64().expect("a number");
+    let checked = place.record("validate --identified i.json --measurements m.csv");
+    let one = number(&checked["distance_mm"]["mean"]);
     let json = identify(&place, "--parameters geometry --json").json();
-    let other = json["distance_mm"]["mean"].as_f64().expect("a number");
+    let other = number(&json["distance_mm"]["mean"]);
     assert!((one - other).abs() < 1e-9, "{one} {other}");
 }
 
@@ -408,19 +399,14 @@ fn what_is_new_at_each_visit_counts_unless_the_residuals_show_it() {
     assert!(error(&counted) > 1.5 * error(&alone), "{counted}");
     let mut random = generator(12, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    let campaign = Campaign {
-        readings: 30,
-        is_pose: true,
-        noise: 6.0,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::poses(30, 6.0);
     let large = read(&mut random, &arm, &campaign);
     place.write("m.csv", absolute_table(&6.into(), &large));
     let shown = identify(&place, "--json").json();
     assert_eq!(shown["not_counted"], json!(["gears"]), "{shown}");
     let outcome = identify(&place, "");
     let words = "Not counted but as part of what the residuals show: gears";
-    assert!(outcome.stdout.contains(words), "{}", outcome.stdout);
+    outcome.prints(words);
 }
 
 /// Where the tracker was moved, its frame is found anew; the robot is the same.
@@ -429,12 +415,7 @@ fn other_readings_from_another_station_are_validated() {
     let mut random = generator(12, 0);
     let scenario = ur10();
     let mut arm = seen_arm(&mut random, &scenario, 1, 1);
-    let campaign = Campaign {
-        readings: 60,
-        is_pose: true,
-        noise: 1.0,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::poses(60, 1.0);
     let place = workplace(&read(&mut random, &arm, &campaign));
     identify(&place, "--parameters geometry --identified-out i.json").ends_with(0);
     arm.instrument_from_base[0] = anywhere(&mut random, 5.0);
@@ -445,14 +426,14 @@ fn other_readings_from_another_station_are_validated() {
     };
     // Nothing says that it was moved.
     let wrong = validate(&place).json();
-    assert!(wrong["distance_mm"]["mean"].as_f64().expect("a number") > 100.0);
+    assert!(number(&wrong["distance_mm"]["mean"]) > 100.0);
     for reading in &mut moved {
         reading.station = Some("after lunch".to_owned());
     }
     place.write("other.csv", absolute_table(&6.into(), &moved));
     let json = validate(&place).json();
     assert_eq!(json["frames_anew"][0], "after lunch");
-    let mean = json["distance_mm"]["mean"].as_f64().expect("a number");
+    let mean = number(&json["distance_mm"]["mean"]);
     assert!((0.01..0.05).contains(&mean), "{mean}");
 }
 
@@ -460,26 +441,14 @@ fn other_readings_from_another_station_are_validated() {
 fn one_joint_moves() -> Vec<AbsoluteReading> {
     let mut random = generator(13, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    let campaign = Campaign {
-        readings: 30,
-        is_pose: false,
-        noise: 0.0,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::positions(30, 0.0);
     let mut readings = read(&mut random, &arm, &campaign);
     let nothing = ParameterSet::empty();
     let mut model = ObservationModel::new(&nothing, &arm, &[]);
     for (index, reading) in readings.iter_mut().enumerate() {
         let commanded_rad =
             DVector::from_vec(vec![0.2 * index as f64 - 2.0, -1.0, 1.0, 0.3, 0.4, 0.5]);
-        let setup = Setup {
-            hangs_on: None,
-            commanded_rad,
-            load: Load::NONE,
-            target: 0,
-            station: 0,
-            approach: None,
-        };
+        let setup = setup(commanded_rad, Load::NONE, 0);
         let mut ignored = Matrix6xX::zeros(0);
         let seen = model
             .predict(&setup, ReadingKind::Position, &mut ignored)
@@ -581,16 +550,7 @@ fn a_planar_arm_has_freedoms_of_its_own() {
     let scenario = scenario("planar_3r");
     let mut random = generator(14, 0);
     let arm = seen_arm(&mut random, &scenario, 1, 1);
-    let readings = read(
-        &mut random,
-        &arm,
-        &Campaign {
-            readings: 40,
-            is_pose: false,
-            noise: 1.0,
-            force_n: 0.0,
-        },
-    );
+    let readings = read(&mut random, &arm, &Campaign::positions(40, 1.0));
     let mut case = AbsoluteCase::new(&scenario.task.belief, &readings).expect("readings");
     let fit = case
         .fit(&[ParameterGroup::Zeros], ReadingWeights::AsNeeded)
@@ -612,11 +572,9 @@ fn wrong_robots_are_told_in_words() {
     identify(&place, "--parameters zeros --identified-out i.json").ends_with(0);
     let text = place.read("i.json");
     let validate = |more: &str| {
-        place
-            .run(&format!(
-                "validate s.toml --quiet --identified w.json {more}"
-            ))
-            .ends_with(1)
+        place.refused(&format!(
+            "validate s.toml --quiet --identified w.json {more}"
+        ))
     };
     for (from, to, expected) in [
         ("\"elbow.zero\"", "\"knee.zero\"", "w.json: unknowns["),
@@ -647,12 +605,7 @@ fn readings_of_one_visit_share_what_the_model_does_not_know() {
     let scenario = ur10();
     let mut random = generator(15, 0);
     let arm = seen_arm(&mut random, &scenario, 1, 1);
-    let campaign = Campaign {
-        readings: 60,
-        is_pose: false,
-        noise: 1.0,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::positions(60, 1.0);
     let forces = [0.0, -100.0, 100.0];
     let run = |seed: u64, has_visits: bool| {
         let mut random = generator(16, seed);
@@ -663,20 +616,10 @@ fn readings_of_one_visit_share_what_the_model_does_not_know() {
         for (stand, reading) in stands.iter().enumerate() {
             let off = Vector3::from_fn(|_, _| 3e-4 * normal(&mut random));
             let direction = vector(&mut random, 1.0).normalize();
-            for force in forces {
-                let load = Load {
-                    force_n: direction * force,
-                    torque_nm: Vector3::zeros(),
-                };
+            for size in forces {
+                let load = force(direction * size);
                 let commanded_rad = reading.configuration_rad.clone();
-                let setup = Setup {
-                    hangs_on: None,
-                    commanded_rad,
-                    load,
-                    target: 0,
-                    station: 0,
-                    approach: None,
-                };
+                let setup = setup(commanded_rad, load, 0);
                 let mut ignored = Matrix6xX::zeros(0);
                 let seen = model
                     .predict(&setup, ReadingKind::Position, &mut ignored)

@@ -16,7 +16,7 @@ fn workplace() -> Workplace {
     for (scenario, file) in [("", "default.csv"), ("mine.toml", "mine.csv")] {
         let plan = plan.display();
         let measure = format!("measure {scenario} --plan {plan} --measurements-out {file}");
-        workplace.run(&measure).ends_with(0);
+        workplace.done(&measure);
     }
     workplace
 }
@@ -31,18 +31,12 @@ fn files_name_their_scenario() {
         let text = workplace.read(file);
         assert!(text.starts_with(&format!("# scenario: {scenario}\n# scenario_sha256: ")));
         let identify = format!("identify --measurements {file} --identified-out i.json --json");
-        let outcome = workplace.run(&identify).ends_with(0);
+        let outcome = workplace.done(&identify);
         assert_eq!(outcome.json()["sigma_mm"], sigma_mm);
         assert_eq!(outcome.json()["scenario_file"], scenario);
-        assert!(
-            outcome.stderr.contains(&format!("scenario {scenario}: ")),
-            "{outcome:#?}"
-        );
-        let outcome = workplace.run("compensate --identified i.json").ends_with(0);
-        assert!(
-            outcome.stderr.contains(&format!("scenario {scenario}: ")),
-            "{outcome:#?}"
-        );
+        outcome.says(&format!("scenario {scenario}: "));
+        let outcome = workplace.done("compensate --identified i.json");
+        outcome.says(&format!("scenario {scenario}: "));
     }
     // A spreadsheet leaves its traces in comments.
     let text = workplace
@@ -50,9 +44,7 @@ fn files_name_their_scenario() {
         .replace(',', ";")
         .replace(".toml\n", ".toml;;;;;\n");
     workplace.write("mine.csv", text);
-    workplace
-        .run("identify --measurements mine.csv")
-        .ends_with(0);
+    workplace.done("identify --measurements mine.csv");
 }
 
 #[test]
@@ -61,24 +53,19 @@ fn no_scenario_is_guessed() {
     let text = workplace.read("mine.csv");
     let uncommented = &text[text.find("q1_deg").expect("a header")..];
     workplace.write("theirs.csv", uncommented);
-    let outcome = workplace
-        .run("identify --measurements theirs.csv")
-        .ends_with(1);
+    let outcome = workplace.refused("identify --measurements theirs.csv");
     let says = "error E0103: theirs.csv: no scenario was given, and the file does not say to which one it belongs\n\
                 hint: name the robot's scenario: elastocal identify SCENARIO --measurements theirs.csv\n";
     assert_eq!(outcome.stderr, says);
-    workplace
-        .run("identify mine.toml --measurements theirs.csv --identified-out i.json")
-        .ends_with(0);
+    workplace.done("identify mine.toml --measurements theirs.csv --identified-out i.json");
 
-    let mut identified: serde_json::Value =
-        serde_json::from_str(&workplace.read("i.json")).expect("JSON");
+    let mut identified = workplace.parsed("i.json");
     identified
         .as_object_mut()
         .expect("an object")
         .remove("scenario_file");
     workplace.write("i.json", identified.to_string());
-    let outcome = workplace.run("compensate --identified i.json").ends_with(1);
+    let outcome = workplace.refused("compensate --identified i.json");
     let says =
         "hint: name the robot's scenario: elastocal compensate SCENARIO --identified i.json\n";
     assert!(outcome.stderr.ends_with(says), "{outcome:#?}");
@@ -91,16 +78,12 @@ fn a_scenario_that_changed_is_not_taken_silently() {
         "mine.toml",
         workplace.read("mine.toml").replace("0.05", "0.06"),
     );
-    let outcome = workplace
-        .run("identify --measurements mine.csv")
-        .ends_with(1);
+    let outcome = workplace.refused("identify --measurements mine.csv");
     let says = "mine.csv: it belongs to mine.toml, which has changed since\nhint: ";
-    assert!(outcome.stderr.contains(says), "{outcome:#?}");
-    let outcome = workplace
-        .run("identify mine.toml --measurements mine.csv")
-        .ends_with(0);
+    outcome.says(says);
+    let outcome = workplace.done("identify mine.toml --measurements mine.csv");
     let says = "mine.csv was made under another scenario, or another state of it: mine.toml";
-    assert!(outcome.stderr.contains(says), "{outcome:#?}");
+    outcome.says(says);
 }
 
 /// Help speaks of what does something.
@@ -126,10 +109,7 @@ fn help_leaves_out_what_has_no_effect() {
         ("run", "", "--seed --threads --out"),
         ("study", "", "--seed --threads --out"),
     ] {
-        let help = workplace
-            .run(&format!("{command} --help"))
-            .ends_with(0)
-            .stdout;
+        let help = workplace.done(&format!("{command} --help")).stdout;
         let options: Vec<&str> = help.split_whitespace().collect();
         for option in absent.split_whitespace() {
             assert!(!options.contains(&option), "{command} {option}: {help}");
@@ -154,6 +134,6 @@ fn no_description_no_colon() {
     let rest = text.split_once('\n').expect("a first line").1;
     assert!(text.starts_with("description"));
     workplace.write("s.toml", rest);
-    let outcome = workplace.run("check s.toml").ends_with(0);
+    let outcome = workplace.done("check s.toml");
     assert_eq!(outcome.stderr.lines().next(), Some("scenario s.toml"));
 }

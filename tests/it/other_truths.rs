@@ -1,14 +1,12 @@
 //! Virtual robots that differ from the planner's model: accounts say by what, and targets on inner links bend as the whole arm does.
 
-use elastocal::experiment::Experiment;
 use elastocal::robot::{Load, SerialChain};
-use elastocal::scenario::Scenario;
 use elastocal::testbed::{ReadingNumbers, SeenFrom, TrueRobots};
 use nalgebra::{DVector, Vector3};
 use serde_json::Value;
 
 use crate::small_arms::{KNOWN, arm, place, text};
-use crate::support::number;
+use crate::support::{assert_alike, experiment, number};
 
 const STUDY: &str = "[study]\nlevel = \"robot\"\ntrials = 600\n[[study.plan]]\nkind = \"optimal\"\nname = \"optimal\"\n";
 
@@ -36,9 +34,7 @@ fn hidden_task_forces_count_in_absolute_accounts() {
         text(true, "absolute", 16, &format!("{source}\nhidden = true")),
     );
     hidden.write("plan.csv", known.read("plan.csv"));
-    let json = hidden
-        .run("evaluate arm.toml --plan plan.csv --trials 300 --json --quiet")
-        .json();
+    let json = hidden.record("evaluate arm.toml --plan plan.csv --trials 300");
     let found = of_source(&json["trials"]["contributions"], "task_force");
     assert_eq!(found["hidden"], true);
     let hidden_um = number(&found["contribution_um"]);
@@ -54,7 +50,7 @@ fn other_compliances_are_named_where_something_is_known_before() {
     let known = format!("{KNOWN}std_relative = 0.02");
     let other = "[true_robot]\ncompliance_rad_per_nm = [4.5e-6, 5.5e-6, 9e-5, 1.4e-5]\n";
     let place = place(true, text(true, "relative", 6, &known) + other + STUDY);
-    let plan = &place.run("study arm.toml --json --quiet").json()["plans"][0];
+    let plan = &place.record("study arm.toml")["plans"][0];
     let part = of_source(&plan["contributions"], "true robot");
     assert!(part["hidden"] == true && number(&part["contribution_um"]) > 0.0);
     let verdict = plan["verdict"].as_str().expect("words");
@@ -63,10 +59,7 @@ fn other_compliances_are_named_where_something_is_known_before() {
         number(&plan["rms_mm"]),
         crate::uncertainties::expected_mm(plan),
     ];
-    assert!(
-        (observed / expected - 1.0).abs() < 0.1,
-        "{observed} {expected}"
-    );
+    assert_alike(observed, expected, 0.1);
 }
 
 /// A virtual robot may lack a passive joint of whose compliance something is known.
@@ -78,7 +71,7 @@ fn a_passive_joint_may_not_be_there() {
     let soft = "<joint name=\"soft\" axis=\"0 1 0\" stiffness=\"15000\"/>";
     assert!(arm(false).contains(soft));
     place.write("stiff.xml", arm(false).replacen(soft, "", 1));
-    let json = place.run("study arm.toml --json --quiet").json();
+    let json = place.record("study arm.toml");
     let plan = &json["plans"][0];
     assert_eq!(plan["failed"], 0);
     let [observed, expected] = [
@@ -110,11 +103,9 @@ fn true_joints_are_found_by_their_names() {
         "other.xml",
         arm(true).replacen("<joint name=\"lift\" axis=\"0 1 0\"", slide, 1),
     );
-    let said = place.run("check arm.toml").ends_with(1).stderr;
-    assert!(
-        said.contains("true_robot.model") && said.contains("joint \"lift\" slides"),
-        "{said}"
-    );
+    let said = place.refused("check arm.toml");
+    said.says("true_robot.model");
+    said.says("joint \"lift\" slides");
 }
 
 /// A target on an inner link rests where the arm rests under the load on the outer one, by the joints' angles there.
@@ -133,23 +124,20 @@ fn inner_targets_rest_with_the_whole_arm() {
         "arm.xml",
         arm(true).replacen("<body name=\"fore\"", inner, 1),
     );
-    let scenario = Scenario::load(&place.path("arm.toml")).expect("a scenario");
+    let scenario = place.scenario("arm.toml");
     let (belief, truth) = (&scenario.task.belief, &scenario.truth);
     let mut robots = TrueRobots::of_readings(belief, truth, ["elbow"]).expect("robots");
     robots.become_run_of(truth, 1, 0, 0).expect("a run");
     let chain: &SerialChain = &belief.nominal.chain;
     let elbow = SerialChain::tool(&belief.nominal.model, "elbow").expect("a site");
     for q in [[0.2, -0.5, 0.02, 1.3], [-0.4, 0.3, -0.03, -0.9]] {
-        let experiment = Experiment {
-            configuration_rad: DVector::from_column_slice(&q),
-            load: Load {
+        let experiment = experiment(
+            DVector::from_column_slice(&q),
+            Load {
                 force_n: Vector3::new(40.0, -60.0, -900.0),
                 torque_nm: Vector3::new(5.0, 20.0, -10.0),
             },
-            repeats: 1,
-            approach: None,
-            direction: None,
-        };
+        );
         let seen = SeenFrom {
             target: "elbow",
             station_m: None,
@@ -210,9 +198,8 @@ fn regions_hold_where_poses_are_visited_again() {
         read("others.csv", "--series 1");
         place
             .run("identify arm.toml --measurements again.csv.read --identified-out i.json --quiet");
-        let json = place
-            .run("validate arm.toml --identified i.json --measurements others.csv.read --json --quiet")
-            .json();
+        let json =
+            place.record("validate arm.toml --identified i.json --measurements others.csv.read");
         number(&json["coverage95"]["positions"])
     };
     let mean = (0..6).map(coverage).sum::<f64>() / 6.0;

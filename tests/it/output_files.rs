@@ -10,13 +10,10 @@ use crate::support::{Workplace, project, scenario_text};
 
 /// A scenario, a plan and its measurements.
 fn workplace() -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let plan = project("scenarios/plans/klimchik2012_m3.csv");
     std::fs::copy(plan, workplace.path("plan.csv")).expect("can be copied");
-    workplace
-        .run("measure s.toml --plan plan.csv --measurements-out m.csv")
-        .ends_with(0);
+    workplace.done("measure s.toml --plan plan.csv --measurements-out m.csv");
     workplace
 }
 
@@ -65,20 +62,20 @@ fn a_device_stays_a_device() {
         // One device may take several outputs.
         format!("{SHARD} null --rerun save=null"),
     ] {
-        workplace.run(&arguments).ends_with(0);
+        workplace.done(&arguments);
         let found = workplace.path("null").metadata().expect("is there");
         assert!(found.file_type().is_char_device(), "{arguments}");
     }
     if is_made(&workplace, "mknod", &["full", "c", "1", "7"]) {
-        let outcome = workplace.run(&format!("{IDENTIFY} full")).ends_with(1);
-        assert!(outcome.stderr.contains("No space left"), "{outcome:#?}");
+        let outcome = workplace.refused(&format!("{IDENTIFY} full"));
+        outcome.says("No space left");
     }
 }
 
 #[test]
 fn stdout_is_written_into() {
     let workplace = workplace();
-    workplace.run(&format!("{IDENTIFY} i.json")).ends_with(0);
+    workplace.done(&format!("{IDENTIFY} i.json"));
     let identified = workplace.read("i.json");
     let outcome = workplace.run(&format!("{IDENTIFY} /dev/stdout"));
     assert!(outcome.stdout.starts_with(&identified), "{outcome:#?}");
@@ -95,17 +92,15 @@ fn a_fifo_is_written_into() {
     if !is_made(&workplace, "mkfifo", &["fifo"]) {
         return;
     }
-    workplace.run(&format!("{IDENTIFY} i.json")).ends_with(0);
-    workplace
-        .run(&format!("{SHARD} t --rerun save=s.rrd"))
-        .ends_with(0);
+    workplace.done(&format!("{IDENTIFY} i.json"));
+    workplace.done(&format!("{SHARD} t --rerun save=s.rrd"));
     for (arguments, name) in [
         (format!("{IDENTIFY} fifo"), "i.json"),
         (format!("{SHARD} t --rerun save=fifo"), "s.rrd"),
     ] {
         let fifo = workplace.path("fifo");
         let reader = std::thread::spawn(move || std::fs::read(fifo).expect("can be read"));
-        workplace.run(&arguments).ends_with(0);
+        workplace.done(&arguments);
         // Nobody would ever write to a FIFO that was replaced.
         let found = workplace.path("fifo").metadata().expect("is there");
         assert!(found.file_type().is_fifo(), "{arguments}");
@@ -133,7 +128,7 @@ fn the_umask_and_a_mode_are_kept() {
     workplace.write("i.json", "before");
     let private = std::fs::Permissions::from_mode(0o640);
     std::fs::set_permissions(workplace.path("i.json"), private).expect("can be set");
-    workplace.run(&format!("{IDENTIFY} i.json")).ends_with(0);
+    workplace.done(&format!("{IDENTIFY} i.json"));
     assert_eq!(mode(&workplace, "i.json"), 0o640);
     assert!(workplace.read("i.json").contains("elastocal.identify"));
 }
@@ -149,7 +144,7 @@ fn links_are_followed() {
         ("three", "two"),
     ] {
         symlink(target, workplace.path(link)).expect("can be made");
-        workplace.run(&format!("{IDENTIFY} {link}")).ends_with(0);
+        workplace.done(&format!("{IDENTIFY} {link}"));
         assert!(workplace.path(link).is_symlink(), "{link} is replaced");
     }
     for name in ["folder/there", "folder/made"] {
@@ -158,7 +153,7 @@ fn links_are_followed() {
     let listing = workplace.listing();
     assert!(!listing.iter().any(|name| name.contains(".tmp")));
     symlink("round", workplace.path("round")).expect("can be made");
-    workplace.run(&format!("{IDENTIFY} round")).ends_with(1);
+    workplace.refused(&format!("{IDENTIFY} round"));
 }
 
 /// Also to the superuser, who might write it.
@@ -168,9 +163,9 @@ fn a_read_only_file_is_not_overwritten() {
     workplace.write("i.json", "before");
     let read_only = std::fs::Permissions::from_mode(0o444);
     std::fs::set_permissions(workplace.path("i.json"), read_only).expect("can be set");
-    let outcome = workplace.run(&format!("{IDENTIFY} i.json")).ends_with(1);
-    assert!(outcome.stderr.contains("is read-only"), "{outcome:#?}");
-    assert!(outcome.stderr.contains("hint: give another file"));
+    let outcome = workplace.refused(&format!("{IDENTIFY} i.json"));
+    outcome.says("is read-only");
+    outcome.says("hint: give another file");
     assert_eq!(workplace.read("i.json"), "before");
 }
 
@@ -181,7 +176,7 @@ fn a_limit_on_the_size_of_files_leaves_nothing() {
     let before = workplace.listing();
     let outcome = workplace.shell(&format!("ulimit -f 1; elastocal {IDENTIFY} i.json"));
     let outcome = outcome.ends_with(1);
-    assert!(outcome.stderr.contains("File too large"), "{outcome:#?}");
+    outcome.says("File too large");
     assert_eq!(workplace.listing(), before);
 }
 
@@ -201,7 +196,7 @@ fn no_output_overwrites_an_input() {
     workplace.write("out/p/p.toml", workplace.read("p.toml"));
     symlink("m.csv", workplace.path("link")).expect("can be made");
     std::fs::hard_link(workplace.path("m.csv"), workplace.path("hard")).expect("can be made");
-    workplace.run(&format!("{SHARD} tally")).ends_with(0);
+    workplace.done(&format!("{SHARD} tally"));
     std::fs::create_dir_all(workplace.path("merged/p")).expect("can be made");
     std::fs::rename(
         workplace.path("tally"),
@@ -277,7 +272,7 @@ fn no_output_overwrites_an_input() {
     for (arguments, says) in cases {
         let outcome = workplace.run(&arguments.replace("WORK", &own));
         assert_eq!(outcome.code, Some(1), "{outcome:#?}");
-        assert!(outcome.stderr.contains(says), "{says}: {outcome:#?}");
+        outcome.says(says);
         assert!(!outcome.stderr.contains("designing"), "{outcome:#?}");
         assert_eq!(contents(&workplace), before, "{arguments}");
     }

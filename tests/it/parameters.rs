@@ -5,13 +5,13 @@
 
 use elastocal::mujoco::{Model, State};
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::{Load, SerialChain};
 use nalgebra::{DVector, Matrix3xX, Matrix6xX};
 use rand::RngExt;
 
-use crate::support::Workplace;
+use crate::support::{Workplace, list, setup, shipped};
 
 /// Numbers of an arm at random: for each body position, quaternion and axis.
 struct Arm {
@@ -122,14 +122,7 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
             state.move_to(&all);
             let (position, axes) = state.site(site);
             let (rows_position, rows_rotation) = state.site_jacobian(site);
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: q,
-                load: Load::force(10.0, 20.0, 30.0),
-                target: 0,
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(q, Load::force(10.0, 20.0, 30.0), 0);
             for at_rest in [false, true] {
                 let mut derivatives = Matrix6xX::zeros(set.len());
                 let seen = if at_rest {
@@ -156,17 +149,17 @@ fn every_frame_moves_the_tool_as_mujoco_says() {
 #[test]
 fn check_names_a_minimal_set() {
     let place = Workplace::new();
-    let scenario = crate::support::project("scenarios/klimchik2012.toml");
-    let arguments = format!("check {} --parameters --json --quiet", scenario.display());
-    let results = place.run(&arguments).ends_with(0).json();
+    let scenario = shipped("scenarios/klimchik2012.toml");
+    let arguments = format!("check {scenario} --parameters --json --quiet");
+    let results = place.done(&arguments).json();
     let mut counts = Vec::new();
     for (reading, each) in ["deflection", "position", "pose"]
         .iter()
-        .zip(results["identifiable"].as_array().expect("an array"))
+        .zip(list(&results["identifiable"]))
     {
         assert_eq!(each["reading"], *reading);
-        let minimal = each["minimal_set"].as_array().expect("an array");
-        let redundant = each["redundant"].as_array().expect("an array");
+        let minimal = list(&each["minimal_set"]);
+        let redundant = list(&each["redundant"]);
         assert_eq!(each["parameters"], 62);
         assert_eq!(minimal.len() + redundant.len(), 62);
         let reason = |parameter: &str| {
@@ -197,15 +190,9 @@ fn check_names_a_minimal_set() {
         counts.push(minimal.len());
     }
     assert!(counts.is_sorted(), "{counts:?}");
-    let text = place
-        .run(&arguments.replace(" --json", ""))
-        .ends_with(0)
-        .stdout;
-    assert!(
-        text.contains(&format!(
-            "{} of 62 parameters can be identified together",
-            counts[2]
-        )),
-        "{text}"
-    );
+    let text = place.done(&arguments.replace(" --json", ""));
+    text.prints(&format!(
+        "{} of 62 parameters can be identified together",
+        counts[2]
+    ));
 }

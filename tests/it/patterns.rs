@@ -12,6 +12,8 @@ use rayon::prelude::*;
 use crate::model_selection::read_of;
 use crate::one_fit::{between, plain, seen_arm, ur10, workplace};
 
+use crate::support::assert_has;
+
 const GROUPS: [ParameterGroup; 1] = [ParameterGroup::Geometry];
 
 fn patterns(belief: &Belief, readings: &[AbsoluteReading]) -> Patterns {
@@ -143,8 +145,7 @@ fn the_command_names_and_draws_them() {
     let mut readings = plain(80, true);
     let place = workplace(&readings);
     let command = "identify s.toml --quiet --measurements m.csv --parameters frames";
-    let nothing = place.run(command).ends_with(0).stdout;
-    assert!(nothing.contains("No pattern in the residuals"), "{nothing}");
+    place.done(command).prints("No pattern in the residuals");
     let nothing = place.run(&format!("{command} --plot-out none.svg"));
     let said = "there are no patterns in the residuals to draw: none.svg is not written";
     assert!(nothing.ends_with(0).stdout.contains(said));
@@ -154,16 +155,13 @@ fn the_command_names_and_draws_them() {
     }
     place.write("m.csv", absolute_table(&6.into(), &readings));
     let found = place.run(&format!("{command} --plot-out p.svg")).stdout;
-    assert!(
-        found.contains("the order of the readings: the base shifts by 0.7"),
-        "{found}"
-    );
+    assert_has(&found, "the order of the readings: the base shifts by 0.7");
     assert!(place.read("p.svg").contains("order"));
     crate::browser::plot_looks_well(&place.path("p.svg"));
     let json = place.run(&format!("{command} --json")).json();
     let first = &json["patterns"]["found"][0];
     assert_eq!(first["against"], "order");
     assert_eq!(first["drifting"], "base");
-    let size = first["size"].as_f64().expect("a number");
+    let size = crate::support::number(&first["size"]);
     assert!((size / 7.9e-4 - 1.0).abs() < 0.1, "{size}");
 }

@@ -6,14 +6,15 @@ use elastocal::plan::search::{Bound, BudgetPoint, RepeatsNeeded, random_plan, re
 use elastocal::plan::{Assessment, Criterion, Plan, posterior, rho0_m};
 use elastocal::scenario::Scenario;
 
-use crate::support::{Workplace, project, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike, assert_has, project, scenario, scenario_text, shipped, table4,
+};
 
 const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.05\n\n[design]";
 
 fn loaded(text: &str) -> Scenario {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", text);
-    Scenario::load(&workplace.path("s.toml")).expect("a scenario")
+    let workplace = Workplace::with("s.toml", text);
+    workplace.scenario("s.toml")
 }
 
 /// Where much is shared by a whole plan, which repeats do not average.
@@ -25,10 +26,7 @@ fn no_repeated_plan_is_below_the_bound_that_is_shown_beside_it() {
     // Whichever command asks for a number of measurements, its bound is the same.
     let asked = Bound::search_and_prove(task, Criterion::TestPose, seed, &[6], None);
     let [shown_m, asked_m] = [&shown, &asked].map(|bound| bound.of_size(6).expect("a bound").best);
-    assert!(
-        (shown_m / asked_m - 1.0).abs() < 1e-12,
-        "{shown_m} {asked_m}"
-    );
+    assert_alike(shown_m, asked_m, 1e-12);
     let random = random_plan(task, 3, seed, 0).expect("a plan");
     for plan in [table4(3), random] {
         let once = BudgetPoint::repeated(task, &plan, 1, &shown).expect("determined");
@@ -70,10 +68,7 @@ fn neighbouring_configurations_with_discrepancies_of_their_own_are_named() {
     let near = named(&apart(2.0));
     assert!(near.len() == 1 && near[0].code == ConditionCode::NearConfigurations);
     let near = &near[0].text;
-    assert!(
-        near.contains("experiments 1 and 4 are within 5 deg"),
-        "{near}"
-    );
+    assert_has(near, "experiments 1 and 4 are within 5 deg");
     let accuracy = |plan: &Plan| {
         rho0_m(&scenario.task, &posterior(&scenario.task.belief, plan)).expect("determined")
     };
@@ -162,11 +157,11 @@ fn loads_in_other_units_or_of_the_wrong_sign_are_named() {
     ] {
         workplace.write("s.toml", text.replace(from, to));
         workplace.write("p.csv", hung.replace("-2500", hung_n));
-        let outcome = workplace.run(evaluate).ends_with(3);
+        let outcome = workplace.doubted(evaluate);
         let outcome = outcome.says(&format!("condition {code}: "));
-        assert!(outcome.stderr.contains(said), "{said}: {outcome:#?}");
+        outcome.says(said);
         if !said.starts_with("compensation") {
-            let check = workplace.run("check s.toml").ends_with(0);
+            let check = workplace.done("check s.toml");
             assert!(format!("{check:?}").contains(said), "{check:#?}");
         }
     }
@@ -184,19 +179,19 @@ fn no_command_predicts_for_a_robot_that_does_not_stand() {
         "s.toml",
         scenario_text("klimchik2012").replacen("[instrument]", soft, 1),
     );
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     let said = "static equilibrium";
-    let check = workplace.run("check s.toml").ends_with(3);
+    let check = workplace.doubted("check s.toml");
     assert!(!check.stdout.contains("is valid"), "{check:#?}");
     check.says("condition C0504: ").says(said);
     for command in [
-        format!("evaluate s.toml --no-proof --plan {}", plan.display()),
+        format!("evaluate s.toml --no-proof --plan {plan}"),
         "plan s.toml --no-proof".to_owned(),
         "budget s.toml --no-proof --up-to 3".to_owned(),
         "run s.toml --no-proof".to_owned(),
         "study s.toml --trials 10".to_owned(),
     ] {
-        let outcome = workplace.run(&command).ends_with(1);
+        let outcome = workplace.refused(&command);
         assert!(outcome.stderr.contains(said), "{command}: {outcome:#?}");
     }
 }
@@ -204,21 +199,12 @@ fn no_command_predicts_for_a_robot_that_does_not_stand() {
 /// The virtual robot's distances are no laboratory's.
 #[test]
 fn only_a_virtual_robots_distances_are_shown() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let measure = format!(
-        "measure s.toml --quiet --plan {} --measurements-out",
-        plan.display()
-    );
-    workplace
-        .run(&format!("{measure} virtual.csv --seed 5 --run 3"))
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    let measure = format!("measure s.toml --quiet --plan {plan} --measurements-out");
+    workplace.done(&format!("{measure} virtual.csv --seed 5 --run 3"));
     let table = workplace.read("virtual.csv");
-    assert!(
-        table.contains("# simulated: {\"seed\":5,\"run\":3}"),
-        "{table}"
-    );
+    assert_has(&table, "# simulated: {\"seed\":5,\"run\":3}");
     let is_row = |line: &&str| !line.starts_with('#');
     let rows: Vec<&str> = table.lines().filter(is_row).collect();
     workplace.write("laboratory.csv", rows.join("\n"));
@@ -227,9 +213,9 @@ fn only_a_virtual_robots_distances_are_shown() {
         let identify = format!(
             "identify s.toml --quiet --measurements {name}.csv --identified-out {name}.json"
         );
-        workplace.run(&identify).ends_with(0);
+        workplace.done(&identify);
         let compensate = format!("compensate s.toml --identified {name}.json");
-        let text = workplace.run(&compensate).ends_with(0).stdout;
+        let text = workplace.done(&compensate).stdout;
         assert_eq!(
             text.contains("compensated [mm]"),
             name == "virtual",
@@ -252,27 +238,20 @@ fn only_a_virtual_robots_distances_are_shown() {
         "compensated.csv",
         format!("# controller_compensates: yes\n{}", rows.join("\n")),
     );
-    let outcome = workplace
-        .run("identify s.toml --quiet --measurements compensated.csv")
-        .ends_with(3);
-    assert!(
-        outcome
-            .stderr
-            .contains("condition C0212: the controller compensated deflections itself")
-    );
+    let outcome = workplace.doubted("identify s.toml --quiet --measurements compensated.csv");
+    outcome.says("condition C0212: the controller compensated deflections itself");
 }
 
 /// A compliance that a plan shows less well than its nominal value does is named: identification keeps it nominal then.
 #[test]
 fn compliances_less_certain_than_nominal_are_named() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("ur10"));
-    let plan = project("tests/golden/plans/ur10.csv");
-    let evaluate = format!("evaluate s.toml --no-proof --plan {}", plan.display());
-    let told = place.run(&evaluate).ends_with(0).stdout;
+    let place = Workplace::with("s.toml", scenario_text("ur10"));
+    let plan = shipped("tests/golden/plans/ur10.csv");
+    let evaluate = format!("evaluate s.toml --no-proof --plan {plan}");
+    let told = place.done(&evaluate);
     let note =
         "note: identification keeps wrist_3.compliance nominal: predicted standard errors of 3.0";
-    assert!(told.contains(note), "{told}");
+    told.prints(note);
     place.write(
         "p.toml",
         scenario_text("ur10").replace("sigma_mm = 0.02", "sigma_mm = 0.002"),

@@ -1,12 +1,11 @@
 //! What the tests of the search need: searching, and judging by their own means.
 
 use std::f64::consts::TAU;
-use std::sync::atomic::AtomicBool;
 
 use elastocal::experiment::Loads;
 use elastocal::numeric::random::generator;
 use elastocal::plan::search::{
-    ApproximateDesign, ExactDesign, PlanSize, Problem, SearchError, Watch, approximate_design,
+    ApproximateDesign, ExactDesign, PlanSize, Problem, SearchError, approximate_design,
     exact_design,
 };
 use elastocal::plan::{Criterion, SmoothBound, bounds_of};
@@ -14,6 +13,8 @@ use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::{DMatrix, Matrix3xX};
 use rand::{Rng, RngExt};
+
+use crate::support::unwatched;
 
 /// Searches a plan as the program does: the approximate design for `rho_0`, then the exact one.
 pub fn designed(
@@ -37,11 +38,7 @@ pub fn exact(
     configurations: u32,
     seed: u64,
 ) -> Result<ExactDesign, SearchError> {
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let size = PlanSize {
         measurements: experiments,
         configurations,

@@ -3,12 +3,14 @@
 use elastocal::compensation::{test_pose_rows, weighted_rows};
 use elastocal::parameter::ParameterKind;
 use elastocal::plan::{ExperimentModel, Plan};
-use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use nalgebra::DMatrix;
 use serde_json::Value;
 
-use crate::support::{self, Workplace, number, numbers, project, scenario_text};
+use crate::support::{
+    self, Workplace, assert_alike, assert_alike_in, assert_near, list, number, numbers, project,
+    scenario_text,
+};
 
 /// klimchik2012 by the linear method, so that two steps are exactly one.
 fn linear() -> String {
@@ -32,7 +34,7 @@ fn table4(experiments: u32) -> String {
 fn measured(place: &Workplace, scenario: &str, experiments: u32, out: &str) {
     let plan = table4(experiments);
     let arguments = format!("measure {scenario} --plan {plan} --measurements-out {out}");
-    place.run(&arguments).ends_with(0);
+    place.done(&arguments);
 }
 
 fn identified(place: &Workplace, scenario: &str, measurements: &str, out: &str) -> Value {
@@ -42,29 +44,25 @@ fn identified(place: &Workplace, scenario: &str, measurements: &str, out: &str) 
     place.run(&arguments).json()
 }
 
-fn assert_near(one: &Value, other: &Value, key: &str, share: f64) {
+fn assert_all_alike(one: &Value, other: &Value, key: &str, share: f64) {
     let (one, other) = (numbers(&one[key]), numbers(&other[key]));
     assert_eq!(one.len(), 5);
     for (one, other) in one.iter().zip(&other) {
-        assert!(
-            (one / other - 1.0).abs() < share,
-            "{key}: {one} against {other}"
-        );
+        assert_alike_in(&key, *one, *other, share);
     }
 }
 
 /// Two campaigns one after the other tell what both tell together.
 #[test]
 fn two_steps_are_one() {
-    let place = Workplace::new();
-    place.write("first.toml", linear());
+    let place = Workplace::with("first.toml", linear());
     place.write("second.toml", with_prior(&linear(), "first.json"));
     let mut both = String::new();
     for (m, name) in [(3, "a.csv"), (4, "b.csv")] {
         let plan = table4(m);
         let arguments =
             format!("measure first.toml --plan {plan} --measurements-out {name} --seed {m}");
-        place.run(&arguments).ends_with(0);
+        place.done(&arguments);
         let text = place.read(name);
         let rows = text.lines().filter(|line| !line.starts_with('#'));
         for line in rows.skip(usize::from(!both.is_empty())) {
@@ -75,12 +73,12 @@ fn two_steps_are_one() {
     identified(&place, "first.toml", "a.csv", "first.json");
     let second = identified(&place, "second.toml", "b.csv", "second.json");
     let together = identified(&place, "first.toml", "both.csv", "together.json");
-    assert_near(&second, &together, "compliance_rad_per_nm", 1e-9);
-    assert_near(&second, &together, "compliance_std_rad_per_nm", 1e-9);
+    assert_all_alike(&second, &together, "compliance_rad_per_nm", 1e-9);
+    assert_all_alike(&second, &together, "compliance_std_rad_per_nm", 1e-9);
     // And planning predicts what identification then says.
     let arguments = format!("evaluate second.toml --plan {} --json --quiet", table4(4));
     let predicted = place.run(&arguments).json();
-    assert_near(&predicted, &second, "compliance_std_rad_per_nm", 1e-9);
+    assert_all_alike(&predicted, &second, "compliance_std_rad_per_nm", 1e-9);
     assert!(
         predicted["efficiency"]
             .as_f64()
@@ -111,23 +109,17 @@ fn what_two_sources_tell_of_a_compliance_is_sampled_once() {
     for (level, trials) in [("model", 20_000), ("robot", 2000)] {
         let arguments =
             format!("study second.toml --level {level} --trials {trials} --seed 3 --json --quiet");
-        let study = place.run(&arguments).ends_with(0).json();
+        let study = place.done(&arguments).json();
         let plan = &study["plans"][0];
         let of = |key: &str| number(&plan[key]);
         let believed = of("combined_rms_mm");
         let error = 4.0 * of("rms_std_mm");
         assert!((of("rms_mm") - believed).abs() < error, "{level}: {plan}");
         // What is said to contribute is all that is predicted.
-        let contributions = plan["contributions"]
-            .as_array()
-            .expect("contributions")
-            .iter();
+        let contributions = list(&plan["contributions"]).iter();
         let squares = contributions.map(|each| number(&each["contribution_um"]).powi(2));
         let sum_mm = squares.sum::<f64>().sqrt() * 1e-3;
-        assert!(
-            (sum_mm / believed - 1.0).abs() < 1e-9,
-            "{level}: {sum_mm} {believed}"
-        );
+        assert_alike_in(&level, sum_mm, believed, 1e-9);
         assert!(of("nees_z").abs() < 4.0, "{level}: {plan}");
     }
 }
@@ -145,27 +137,20 @@ fn a_joint_that_no_load_shows_is_known_before() {
         "measure joint1.toml --plan {} --measurements-out m.csv",
         plan.display()
     );
-    place.run(&arguments).ends_with(0);
-    place
-        .run("identify joint1.toml --measurements m.csv --identified-out joint1.json")
-        .ends_with(0);
+    place.done(&arguments);
+    place.done("identify joint1.toml --measurements m.csv --identified-out joint1.json");
     place.write(
         "all.toml",
         with_prior(&scenario_text("klimchik2012"), "joint1.json"),
     );
     place.write("alone.toml", scenario_text("klimchik2012"));
-    let planned = place
-        .run("plan all.toml --json --quiet --plan-out p.csv")
-        .ends_with(0)
-        .json();
+    let planned = place.json("plan all.toml --plan-out p.csv");
     assert_eq!(planned["parameters"][0], "joint_1");
     let efficiency = planned["efficiency"].as_f64().expect("a bound");
     assert!((0.85..=1.0).contains(&efficiency), "{efficiency}");
     // The errors of what is known before and of what is measured are independent.
     let rho0 = |scenario: &str, plan: &str| {
-        let results = place
-            .run(&format!("evaluate {scenario} --plan {plan} --json --quiet"))
-            .json();
+        let results = place.record(&format!("evaluate {scenario} --plan {plan}"));
         results["rho0_mm"].as_f64().expect("determined")
     };
     let (one, five) = (
@@ -174,14 +159,11 @@ fn a_joint_that_no_load_shows_is_known_before() {
     );
     let all = rho0("all.toml", "p.csv");
     // The compliance that was found is not quite the nominal one; to first order that changes nothing.
-    assert!(
-        (all / one.hypot(five) - 1.0).abs() < 1e-9,
-        "{all}: {one}, {five}"
-    );
+    assert_alike(all, one.hypot(five), 1e-9);
     for (level, trials) in [("model", 20_000), ("robot", 300)] {
         let arguments = format!("study all.toml --level {level} --trials {trials} --json --quiet");
         let study = place.run(&arguments).json();
-        for plan in study["plans"].as_array().expect("plans") {
+        for plan in list(&study["plans"]) {
             let number = |key: &str| plan[key].as_f64().expect("a number");
             assert!(
                 number("z").abs() < 5.0,
@@ -246,7 +228,7 @@ fn errors_are_predicted(place: &Workplace, (level, trials): (&str, u32), scenari
     for name in scenarios {
         let arguments =
             format!("study {name}.toml --level {level} --trials {trials} --seed 3 --json --quiet");
-        let study = place.run(&arguments).ends_with(0).json();
+        let study = place.done(&arguments).json();
         let plan = &study["plans"][0];
         let of = |key: &str| number(&plan[key]);
         let off = of("rms_mm") - of("combined_rms_mm");
@@ -275,16 +257,11 @@ fn a_replaced_gearbox_is_another_unknown() {
         "measure first.toml --plan {} --measurements-out m.csv",
         table4(6)
     );
-    place.run(&arguments).ends_with(0);
+    place.done(&arguments);
     identified(&place, "first.toml", "m.csv", "first.json");
     let gearbox = "\n[[uncertainty]]\nkind = \"compliance\"\njoints = [\"joint_3\"]\nstd_relative = 0.15\nreplaced = true\n";
     place.write("second.toml", with_prior(text, "first.json") + gearbox);
-    let belief = |name: &str| {
-        Scenario::load(&place.path(name))
-            .expect("valid")
-            .task
-            .belief
-    };
+    let belief = |name: &str| place.scenario(name).task.belief;
     let [first, second] = ["first.toml", "second.toml"].map(belief);
     let nominal = first.nominal.compliance_rad_per_nm[first.parameters[REPLACED]];
     assert_eq!(
@@ -294,8 +271,7 @@ fn a_replaced_gearbox_is_another_unknown() {
     let sizes = DMatrix::from_diagonal(&nalgebra::DVector::from_vec(second.sizes()));
     let covariance = (&sizes * second.precision() * &sizes).try_inverse();
     let covariance = &sizes * covariance.expect("known") * &sizes;
-    let found: serde_json::Value =
-        serde_json::from_str(&place.read("first.json")).expect("it is JSON");
+    let found = place.parsed("first.json");
     for row in 0..covariance.nrows() {
         for column in 0..covariance.ncols() {
             let expected = match [row, column].map(|each| each == REPLACED) {
@@ -312,7 +288,7 @@ fn a_replaced_gearbox_is_another_unknown() {
 
 /// Writes a scenario whose earlier campaign found the load cell far from nominal: that is the mean of what is known.
 fn write_far(place: &Workplace) {
-    let mut found: Value = serde_json::from_str(&place.read("first.json")).expect("JSON");
+    let mut found = place.parsed("first.json");
     let sources = found["uncertain"].as_array_mut().expect("a list");
     let scale = sources.iter_mut().find(|each| each["name"] == "load.scale");
     scale.expect("a scale")["value"] = serde_json::json!(0.03);
@@ -342,7 +318,7 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             "measure first.toml --plan {} --campaign {number} --measurements-out m.csv",
             table4(if number == 0 { 6 } else { 4 })
         );
-        place.run(&arguments).ends_with(0);
+        place.done(&arguments);
         identified(
             &place,
             &format!("{name}.toml"),
@@ -350,11 +326,7 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             &format!("{name}.json"),
         );
     }
-    let load = |name: &str| {
-        Scenario::load(&place.path(&format!("{name}.toml")))
-            .expect("valid")
-            .task
-    };
+    let load = |name: &str| place.scenario(&format!("{name}.toml")).task;
     let first = load("first");
     let extended = &first.belief.uncertain;
     let sizes = first.belief.sizes();
@@ -376,33 +348,26 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             test_pose_rows(&first.belief, pose)
         }) * &sizes;
         let expected_mm = (&at_work * covariance * at_work.transpose()).trace().sqrt() * 1e3;
-        let said = place
-            .run(&format!("{} --json --quiet", evaluate(name)))
-            .json();
+        let said = place.record(&evaluate(name));
         let found_mm = number(&said["rho0_mm"]);
-        assert!(
-            (found_mm / expected_mm - 1.0).abs() < 0.01,
-            "{name}: {found_mm}, {expected_mm}"
-        );
-        let text = place.run(&evaluate(name)).stdout;
+        assert_alike_in(&name, found_mm, expected_mm, 0.01);
+        let text = place.run(&evaluate(name));
         let remark = "earlier identification includes load_scale: one value in both campaigns";
-        assert!(text.contains(remark), "{text}");
+        text.prints(remark);
     }
     let scenario = place.read("second.toml");
     let other = scenario.replace("std_relative = 0.01", "std_relative = 0.03");
     place.write("other.toml", other);
-    let text = place.run(&evaluate("other")).stdout;
+    let text = place.run(&evaluate("other"));
     let remark = "not the size that is listed here (load.scale: 0.01 there, 0.03 here)";
-    assert!(text.contains(remark), "{text}");
+    text.prints(remark);
     let replaced = scenario.replace(
         "std_relative = 0.01",
         "std_relative = 0.01\nreplaced = true",
     );
     place.write("replaced.toml", replaced);
     let [one, other] = ["second", "replaced"].map(|name| {
-        let said = place
-            .run(&format!("{} --json --quiet", evaluate(name)))
-            .json();
+        let said = place.record(&evaluate(name));
         number(&said["rho0_mm"])
     });
     assert!(other < 0.95 * one, "{other}, {one}");
@@ -416,32 +381,24 @@ fn a_source_of_several_campaigns_is_one_unknown() {
             "std_relative = 0.01\nreplaced = true",
         ),
     );
-    let outcome = place.run("check alone.toml").ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains("uncertainty[0].replaced: there is no earlier campaign"),
-        "{outcome:?}"
-    );
+    let outcome = place.refused("check alone.toml");
+    outcome.says("uncertainty[0].replaced: there is no earlier campaign");
 }
 
 #[test]
 fn a_prior_that_cannot_be_one_is_refused() {
-    let place = Workplace::new();
-    place.write("s.toml", linear());
-    place
-        .run(&format!(
-            "measure s.toml --plan {} --measurements-out m.csv",
-            table4(3)
-        ))
-        .ends_with(0);
+    let place = Workplace::with("s.toml", linear());
+    place.done(&format!(
+        "measure s.toml --plan {} --measurements-out m.csv",
+        table4(3)
+    ));
     identified(&place, "s.toml", "m.csv", "i.json");
     let good = place.read("i.json");
     place.write("p.toml", with_prior(&linear(), "i.json"));
-    place.run("check p.toml").ends_with(0);
+    place.done("check p.toml");
     // As editors on Windows save it.
     place.write("i.json", format!("\u{feff}{good}"));
-    place.run("check p.toml").ends_with(0);
+    place.done("check p.toml");
     let hash = "\"robot_sha256\": \"";
     for (from, to, expected) in [
         (hash, "\"robot_sha256\": \"0", "another robot"),
@@ -450,45 +407,36 @@ fn a_prior_that_cannot_be_one_is_refused() {
         ("{", "", "is not JSON"),
     ] {
         place.write("i.json", good.replacen(from, to, 1));
-        let outcome = place.run("check p.toml").ends_with(1);
-        assert!(
-            outcome.stderr.contains("p.toml: robot.prior: i.json: ")
-                && outcome.stderr.contains(expected),
-            "{expected}: {outcome:?}"
-        );
+        let outcome = place.refused("check p.toml");
+        outcome.says("p.toml: robot.prior: i.json: ");
+        outcome.says(expected);
     }
     place.write("i.json", &good);
-    let outcome = place
-        .run("identify p.toml --measurements m.csv --sigma-from-residuals")
-        .ends_with(1);
-    assert!(outcome.stderr.contains("robot.prior"), "{outcome:?}");
+    let outcome = place.refused("identify p.toml --measurements m.csv --sigma-from-residuals");
+    outcome.says("robot.prior");
     place.write("p.toml", with_prior(&linear(), "nothing.json"));
-    let outcome = place.run("check p.toml").ends_with(1);
-    assert!(outcome.stderr.contains("nothing.json"), "{outcome:?}");
+    place.refused("check p.toml").says("nothing.json");
 }
 
 /// A prior that does not say which error sources are in its estimates is a condition of what rests on it.
 #[test]
 fn a_prior_of_unknown_error_sources_is_a_condition() {
-    let place = Workplace::new();
-    place.write("s.toml", linear());
+    let place = Workplace::with("s.toml", linear());
     let plan = table4(3);
-    place
-        .run(&format!(
-            "measure s.toml --plan {plan} --measurements-out m.csv"
-        ))
-        .ends_with(0);
+    place.done(&format!(
+        "measure s.toml --plan {plan} --measurements-out m.csv"
+    ));
     identified(&place, "s.toml", "m.csv", "i.json");
     place.write("p.toml", with_prior(&linear(), "i.json"));
     let evaluate = format!("evaluate p.toml --plan {plan} --quiet");
     assert!(!place.run(&evaluate).stderr.contains("C0308"));
-    let mut json: serde_json::Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let mut json = place.parsed("i.json");
     let keys = json.as_object_mut().expect("an object");
     keys.remove("error_sources").expect("a key");
     keys.remove("reading_digests").expect("a key");
     place.write("i.json", json.to_string());
     for command in [&evaluate, "identify p.toml --measurements m.csv --quiet"] {
-        let said = place.run(command).ends_with(3);
+        let said = place.doubted(command);
         said.says("condition C0308: i.json does not say with which robot and error sources");
     }
 }
@@ -506,7 +454,7 @@ fn a_prior_is_of_quantities() {
     measured(&place, "first.toml", 3, "a.csv");
     identified(&place, "first.toml", "a.csv", "first.json");
     let joint_1 = |file: &str| {
-        let task = Scenario::load(&place.path(file)).expect("valid").task;
+        let task = place.scenario(file).task;
         let (set, arm) = (task.belief.uncertain.set(), task.belief.uncertain.arm());
         let place = set.index_of(ParameterKind::JointCompliance { joint: 0 });
         let place = place.expect("is uncertain");
@@ -522,9 +470,6 @@ fn a_prior_is_of_quantities() {
         .replace("\nparameters = ", compliances);
     place.write("other.toml", other);
     let (again, doubled) = joint_1("other.toml");
-    assert!(
-        (doubled / nominal - 2.0).abs() < 1e-9,
-        "{doubled} {nominal}"
-    );
+    assert_near(doubled / nominal, 2.0, 1e-9);
     assert!((again / found - 1.0).abs() < 1e-12, "{again} {found}");
 }

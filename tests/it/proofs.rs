@@ -9,7 +9,7 @@ use elastocal::plan::proof::ProofLimits;
 use elastocal::plan::search::{Bound, BoundKind};
 use serde_json::{Value, json};
 
-use crate::support::{Workplace, project, scenario, table4};
+use crate::support::{Workplace, project, scenario, shipped, table4};
 
 fn effort(gap: f64, boxes: u64) -> ProofLimits<'static> {
     ProofLimits {
@@ -96,14 +96,10 @@ fn small_arms_are_proved_at_once() {
 #[test]
 fn a_wide_gap_is_told_beside_the_evidence() {
     let place = Workplace::new();
-    let scenario = project("scenarios/klimchik2012.toml");
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    let scenario = shipped("scenarios/klimchik2012.toml");
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     let evaluate = |options: &str| {
-        let arguments = format!(
-            "evaluate {} --plan {} --json --quiet {options}",
-            scenario.display(),
-            plan.display()
-        );
+        let arguments = format!("evaluate {scenario} --plan {plan} --json --quiet {options}");
         serde_json::from_str::<Value>(&place.run(&arguments).stdout).expect("it prints JSON")
     };
     let without = evaluate("--no-proof");
@@ -149,12 +145,9 @@ fn arms_of_more_than_hinges_have_no_proof() {
             "plan {} --experiments 3 --quiet",
             project(&format!("scenarios/{name}.toml")).display()
         );
-        let told = place.run(&arguments).ends_with(0).stdout;
-        assert!(
-            told.contains("there is no proof for arms with springs beside the joints' own"),
-            "{told}"
-        );
-        assert!(told.contains("no plan of as many can be below"), "{told}");
+        let told = place.done(&arguments);
+        told.prints("there is no proof for arms with springs beside the joints' own");
+        told.prints("no plan of as many can be below");
     }
 }
 
@@ -173,22 +166,15 @@ pub fn python() -> Option<String> {
 fn another_program_checks_the_proof_and_refuses_what_was_tampered_with() {
     let Some(python) = python() else { return };
     let place = Workplace::new();
-    let scenario = project("scenarios/spatial_3r.toml");
-    let arguments = format!(
-        "plan {} --experiments 3 --prove 30% --proof-out proof.json --quiet",
-        scenario.display()
-    );
-    let outcome = place.run(&arguments);
-    assert!(
-        outcome.stdout.contains("wrote proof.json"),
-        "{}",
-        outcome.stderr
-    );
+    let scenario = shipped("scenarios/spatial_3r.toml");
+    let arguments =
+        format!("plan {scenario} --experiments 3 --prove 30% --proof-out proof.json --quiet");
+    place.run(&arguments).prints("wrote proof.json");
     let check = |name: &str| checked(&python, &place.path(name));
     let (code, text) = check("proof.json");
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("the proof holds"), "{text}");
-    let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let whole = place.parsed("proof.json");
     // The question that is answered.
     let plan = place.run(&(arguments + " --json")).json();
     let hash = &plan["provenance"]["scenario_sha256"];
@@ -288,15 +274,10 @@ fn another_program_checks_arms_of_every_kind() {
         );
     place.write("plain.toml", text.as_str());
     let arguments = "plan plain.toml --experiments 3 --prove 1% --proof-out proof.json --quiet";
-    let outcome = place.run(arguments);
-    assert!(
-        outcome.stdout.contains("wrote proof.json"),
-        "{}",
-        outcome.stderr
-    );
+    place.run(arguments).prints("wrote proof.json");
     let (code, text) = checked(&python, &place.path("proof.json"));
     assert_eq!(code, Some(0), "{text}");
-    let whole: Value = serde_json::from_str(&place.read("proof.json")).expect("it is JSON");
+    let whole = place.parsed("proof.json");
     let tampered: [(&str, Edit); 5] = [
         ("a frame that is turned otherwise", &|file| {
             scale(

@@ -16,7 +16,7 @@ use elastocal::testbed::VirtualRobot;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
-use crate::support::{Workplace, plan, scenario, six_rows, table4};
+use crate::support::{Workplace, assert_alike, force, plan, scenario, six_rows, state_at, table4};
 
 /// A load with all its six components, as large as those of a calibration.
 const LOAD: Load = Load {
@@ -34,16 +34,6 @@ fn configurations(scenario: &Scenario, count: usize) -> Vec<DVector<f64>> {
     (0..count)
         .map(|_| DVector::from_fn(6, |joint, _| angle(joint)))
         .collect()
-}
-
-fn at_calibration_tool(scenario: &Scenario, q: &DVector<f64>) -> KinematicState {
-    scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool)
-        .state(q.as_slice())
 }
 
 /// Axis 1 is vertical, as gravity is: turning it with the load turns the deflection. (It turns
@@ -83,7 +73,7 @@ fn linear_deflections_superpose() {
         DVector::from_column_slice(&scenario.task.belief.nominal.compliance_rad_per_nm);
     let other = Load::from_wrench([10.0, 900.0, -300.0, -40.0, 500.0, 60.0]);
     for q in configurations(&scenario, 50) {
-        let state = at_calibration_tool(&scenario, &q);
+        let state = state_at(&scenario, &q);
         let matrix = |load: &Load| six_rows(&ObservationMatrix::new(&state, load, &joints));
         let both = Load::from_wrench((2.0 * LOAD.wrench() + other.wrench()).into());
         let expected = 2.0 * matrix(&LOAD) + matrix(&other);
@@ -147,10 +137,7 @@ fn rho0_scales_with_sigma_and_repeats() {
         experiment.repeats = 4;
     }
     let close = |(rho0, errors): (f64, Vec<f64>), factor: f64| {
-        assert!(
-            (rho0 / once.0 / factor - 1.0).abs() < 1e-9,
-            "{rho0}, {once:?}"
-        );
+        assert_alike(rho0 / once.0, factor, 1e-9);
         for (error, once) in errors.iter().zip(&once.1) {
             assert!((error / once / factor - 1.0).abs() < 1e-9);
         }
@@ -180,13 +167,13 @@ fn derivatives_are_those_of_differences() {
         })
     };
     for q in configurations(&scenario, 50) {
-        let here = at_calibration_tool(&scenario, &q);
+        let here = state_at(&scenario, &q);
         let jacobian = here.jacobian();
         let mut gradient = DMatrix::zeros(6, 6);
         here.torque_gradient(&LOAD, &gravity, &mut gradient);
         for joint in 0..6 {
             let [before, after] =
-                [-STEP, STEP].map(|by| at_calibration_tool(&scenario, &moved(&q, joint, by)));
+                [-STEP, STEP].map(|by| state_at(&scenario, &moved(&q, joint, by)));
             let velocity = (after.tool_position - before.tool_position) / (2.0 * STEP);
             let turn = after.tool_rotation * before.tool_rotation.transpose();
             let rate = rotation_vector(&turn) / (2.0 * STEP);
@@ -202,12 +189,8 @@ fn derivatives_are_those_of_differences() {
 fn equilibria_move_with_compliances_as_the_sensitivity_says() {
     let scenario = scenario("kr270");
     let nominal = &scenario.task.belief.nominal.compliance_rad_per_nm;
-    let mut arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
+    let belief = &scenario.task.belief;
+    let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
     let mut solver = EquilibriumSolver::new(6);
     for q in configurations(&scenario, 20) {
         let mut rest = |compliance: &[f64]| {
@@ -289,12 +272,8 @@ fn an_unstable_equilibrium_is_named() {
 #[test]
 fn an_arm_that_gives_way_is_named() {
     let scenario = scenario("kr270");
-    let mut arm = scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool);
+    let belief = &scenario.task.belief;
+    let mut arm = belief.nominal.chain.at(&belief.calibration_tool);
     let limp: Vec<_> = scenario
         .task
         .belief
@@ -460,17 +439,11 @@ fn rotation_vectors_come_back() {
 fn loads_act_by_their_levers() {
     let scenario = scenario("kr270");
     for q in configurations(&scenario, 20) {
-        let state = at_calibration_tool(&scenario, &q);
+        let state = state_at(&scenario, &q);
         for joint in 0..6 {
-            let along = Load {
-                force_n: state.axis[joint] * 1000.0,
-                torque_nm: Vector3::zeros(),
-            };
+            let along = force(state.axis[joint] * 1000.0);
             assert!(state.load_torque(joint, &along).abs() < 1e-9);
-            let towards = Load {
-                force_n: (state.anchor[joint] - state.tool_position) * 1000.0,
-                torque_nm: Vector3::zeros(),
-            };
+            let towards = force((state.anchor[joint] - state.tool_position) * 1000.0);
             assert!(state.load_torque(joint, &towards).abs() < 1e-9);
             let about = Load {
                 force_n: Vector3::zeros(),

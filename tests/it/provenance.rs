@@ -36,10 +36,7 @@ const WEDGE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4
 const PLAN: &str = "q1_deg,q2_deg,q3_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats\n0,10,20,0,0,-200,0,0,0,3\n-20,30,20,0,0,-200,0,0,0,3\n";
 
 fn hash(workplace: &Workplace) -> String {
-    let json = workplace
-        .run("check cell.toml --json --quiet")
-        .ends_with(0)
-        .json();
+    let json = workplace.json("check cell.toml");
     let hash = json["provenance"]["scenario_sha256"].as_str();
     hash.expect("a hash").to_owned()
 }
@@ -76,20 +73,13 @@ fn a_copy_has_the_same_hash() {
 
 #[test]
 fn results_of_other_numbers_of_configurations_are_not_compared() {
-    let workplace = Workplace::new();
-    workplace.write("cell.toml", scenario_text("planar_3r"));
+    let workplace = Workplace::with("cell.toml", scenario_text("planar_3r"));
     for (file, options) in [("a.json", ""), ("b.json", " --configurations 2")] {
-        let plan = workplace
-            .run(&format!("plan cell.toml --json --quiet{options}"))
-            .ends_with(0);
+        let plan = workplace.done(&format!("plan cell.toml --json --quiet{options}"));
         workplace.write(file, plan.stdout);
     }
-    let refused = workplace.run("compare a.json b.json").ends_with(1);
-    assert!(
-        refused.stderr.contains("configurations (2, not 3)"),
-        "{}",
-        refused.stderr
-    );
+    let refused = workplace.refused("compare a.json b.json");
+    refused.says("configurations (2, not 3)");
 }
 
 #[test]
@@ -98,18 +88,14 @@ fn a_replay_has_a_schema() {
     let mut text = scenario_text("planar_3r");
     text += "\n[study]\nexperiments = 3\n[[study.plan]]\nname = \"random\"\nkind = \"random\"\n";
     workplace.write("cell.toml", text);
-    let json = workplace
-        .run("replay cell.toml --run 0 --json --quiet")
-        .ends_with(0)
-        .json();
+    let json = workplace.json("replay cell.toml --run 0");
     assert_eq!(json["schema"]["name"], "elastocal.replay");
 }
 
 /// Results carry the hash of every file that was given beside the scenario.
 #[test]
 fn results_name_what_they_were_computed_from() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let plan = std::fs::read(project("scenarios/plans/klimchik2012_m12.csv")).expect("a plan");
     place.write("p.csv", plan);
     for (command, name, file) in [
@@ -131,7 +117,7 @@ fn results_name_what_they_were_computed_from() {
             "i.json",
         ),
     ] {
-        let json = place.run(&format!("{command} --json --quiet")).json();
+        let json = place.record(command);
         let found = &json["provenance"]["inputs_sha256"][name];
         let sum = place.shell(&format!("sha256sum {file}")).stdout;
         let expected = sum.split(' ').next().expect("a hash");

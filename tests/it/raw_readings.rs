@@ -2,21 +2,17 @@
 
 use serde_json::Value;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, list, scenario_text, shipped};
 
 const START: &str = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm";
 
 /// Deflections that the virtual robot shows in `m.csv`; their rows without the header, cut before the deflection.
 fn measured(plan: &str) -> (Workplace, Vec<(String, [f64; 3])>) {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project(&format!("scenarios/plans/{plan}.csv"));
-    workplace
-        .run(&format!(
-            "measure s.toml --quiet --plan {} --measurements-out m.csv",
-            plan.display()
-        ))
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped(&format!("scenarios/plans/{plan}.csv"));
+    workplace.done(&format!(
+        "measure s.toml --quiet --plan {plan} --measurements-out m.csv"
+    ));
     let text = workplace.read("m.csv");
     let lines = text.lines().filter(|line| !line.starts_with(['#', 'q']));
     let rows = lines.map(|line| {
@@ -50,8 +46,8 @@ fn same(one: &Value, other: &Value, key: &str, within: f64) {
 #[test]
 fn the_table_of_the_laboratory_takes_positions() {
     let (workplace, rows) = measured("klimchik2012_m4");
-    let plan = project("scenarios/plans/klimchik2012_m4.csv");
-    workplace.run(&format!("lab s.toml --quiet --plan {}", plan.display()));
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
+    workplace.run(&format!("lab s.toml --quiet --plan {plan}"));
     let empty = workplace.read("out/s/lab/measurements.csv");
     let header = "unloaded_stop,unloaded_reading,loaded_stop,loaded_reading,";
     assert!(empty.contains(&format!("{header}{START},unloaded_x_mm,")));
@@ -86,9 +82,7 @@ fn the_table_of_the_laboratory_takes_positions() {
         .chain(unfinished[3..].iter().copied())
         .collect();
     workplace.write("half.csv", lines.join("\n"));
-    let json = workplace
-        .run("next --quiet --measurements half.csv --experiments 4 --json")
-        .json();
+    let json = workplace.record("next --measurements half.csv --experiments 4");
     assert_eq!(json["measured"], 3);
     // The sheet goes from stop to stop: readings without a load stand before the first with one.
     let mut rows = 0;
@@ -103,24 +97,12 @@ fn the_table_of_the_laboratory_takes_positions() {
         })
         .collect();
     workplace.write("so_far.csv", so_far.join("\n"));
-    let json = workplace
-        .run("next --quiet --measurements so_far.csv --experiments 4 --json")
-        .json();
+    let json = workplace.record("next --measurements so_far.csv --experiments 4");
     assert_eq!(json["measured"], 3);
-    let outcome = workplace
-        .run("identify --quiet --measurements half.csv")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("unloaded_x_mm: found \"\""),
-        "{outcome:#?}"
-    );
-    let outcome = workplace
-        .run("next --quiet --measurements out/s/lab/measurements.csv")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("has no row that is filled in"),
-        "{outcome:#?}"
-    );
+    let outcome = workplace.refused("identify --quiet --measurements half.csv");
+    outcome.says("unloaded_x_mm: found \"\"");
+    let outcome = workplace.refused("next --quiet --measurements out/s/lab/measurements.csv");
+    outcome.says("has no row that is filled in");
 }
 
 /// The variance of a deflection is the sum of those of its positions.
@@ -161,10 +143,8 @@ fn a_reading_belongs_to_one_row() {
     };
     let fails = |text: String, says: &str| {
         workplace.write("w.csv", text);
-        let outcome = workplace
-            .run("identify s.toml --quiet --measurements w.csv")
-            .ends_with(1);
-        assert!(outcome.stderr.contains(says), "{says}: {outcome:#?}");
+        let outcome = workplace.refused("identify s.toml --quiet --measurements w.csv");
+        outcome.says(says);
     };
     let plain = [(0, ""), (1, ""), (2, "")];
     fails(
@@ -224,10 +204,8 @@ fn every_row_has_a_reading_without_a_load() {
              0,-90,90,0,30,0,0,0,-1000,0,0,0,3\n"
         ),
     );
-    let json = workplace
-        .run("lab s.toml --quiet --plan plan.csv --keep-order --json")
-        .json();
-    let stops = json["stops"].as_array().expect("stops");
+    let json = workplace.record("lab s.toml --plan plan.csv --keep-order");
+    let stops = list(&json["stops"]);
     assert_eq!(stops[0]["experiments"], serde_json::json!([1, 3]));
     assert_eq!(stops[0]["readings"], 5);
     assert_eq!(json["readings"], 12);

@@ -25,7 +25,7 @@ use mcap::MessageStream;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
-use crate::support::{project, repeated, scenario, table4};
+use crate::support::{list, project, repeated, scenario, table4};
 
 fn recorded(scenario: &Scenario, plans: &[(&str, Plan)]) -> Recording {
     let calibrations: Vec<RunMessage> = plans
@@ -297,7 +297,7 @@ fn mcap_holds_the_calibration_in_messages_that_meet_their_schemas() {
     let loaded = on(&messages, "/joint_states").skip(1).step_by(2);
     for (joints, step) in loaded.zip(on(&messages, "/steps")) {
         assert!(joints.time_ns > step.time_ns);
-        let joints = joints.json["joints"].as_array().expect("an array");
+        let joints = list(&joints.json["joints"]);
         for (joint, deg) in joints.iter().zip(numbers(&step.json["q_loaded_deg"])) {
             let position = joint["position"].as_f64().expect("a number");
             assert!((position.to_degrees() - deg).abs() < 1e-9, "{joint}");
@@ -364,7 +364,7 @@ fn mcap_scene_is_drawn_in_frames_that_exist() {
     let messages = read_mcap(&std::fs::read(&path).expect("it is there"));
     let mut frames = BTreeSet::from(["world".to_owned()]);
     for message in on(&messages, "/tf") {
-        for transform in message.json["transforms"].as_array().expect("an array") {
+        for transform in list(&message.json["transforms"]) {
             frames.insert(
                 transform["child_frame_id"]
                     .as_str()
@@ -376,13 +376,13 @@ fn mcap_scene_is_drawn_in_frames_that_exist() {
     let mut drawn = BTreeSet::new();
     let mut lines = 0;
     for message in on(&messages, "/scene") {
-        for entity in message.json["entities"].as_array().expect("an array") {
+        for entity in list(&message.json["entities"]) {
             let frame = entity["frame_id"].as_str().expect("a name");
             assert!(frames.contains(frame), "no frame {frame}");
-            lines += entity["lines"].as_array().expect("an array").len();
-            for surface in entity["triangles"].as_array().expect("an array") {
-                let points = surface["points"].as_array().expect("an array").len();
-                let corners = surface["indices"].as_array().expect("an array");
+            lines += list(&entity["lines"]).len();
+            for surface in list(&entity["triangles"]) {
+                let points = list(&surface["points"]).len();
+                let corners = list(&surface["indices"]);
                 assert!(corners.len().is_multiple_of(3) && !corners.is_empty());
                 assert!(
                     corners
@@ -409,7 +409,7 @@ fn mcap_scene_is_drawn_in_frames_that_exist() {
     );
     let test_pose = on(&messages, "/steps").nth(2).expect("there is").time_ns / 1_000_000_000;
     let taken_off: Vec<_> = on(&messages, "/scene")
-        .flat_map(|message| message.json["deletions"].as_array().expect("an array"))
+        .flat_map(|message| list(&message.json["deletions"]))
         .filter(|deletion| deletion["timestamp"]["sec"] == test_pose)
         .map(|deletion| deletion["id"].as_str().expect("a name"))
         .collect();

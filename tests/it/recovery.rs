@@ -11,7 +11,9 @@ use elastocal::task::{Belief, Method};
 use elastocal::testbed::{TrueRobots, VirtualRobot, add_noise_of};
 use nalgebra::{DMatrix, DVector, Vector3};
 
-use crate::support::{Workplace, plan, repeated, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike, plan, repeated, scenario, scenario_text, shipped, state_at, table4,
+};
 
 /// A scenario whose true robot is not the nominal one: each compliance is 20 % larger or smaller.
 pub fn differing(name: &str) -> Scenario {
@@ -103,16 +105,12 @@ fn files_carry_the_true_compliances() {
     let text = scenario_text("kr270_all_joints").replace("[instrument]", &table);
     let text = text.replace("tracker_site", "rotation_sigma_mrad = 0.1\ntracker_site");
     workplace.write("s.toml", text);
-    let plan = crate::support::project("scenarios/plans/kr270_all_joints.csv");
-    let measure = format!(
-        "measure s.toml --plan {} --noise-free --measurements-out m.csv",
-        plan.display()
-    );
-    workplace.run(&measure).ends_with(0);
+    let plan = shipped("scenarios/plans/kr270_all_joints.csv");
+    let measure = format!("measure s.toml --plan {plan} --noise-free --measurements-out m.csv");
+    workplace.done(&measure);
     // Without noise the residuals are too small to be true, and that is said.
     let json = workplace
-        .run("identify s.toml --measurements m.csv --json")
-        .ends_with(0)
+        .done("identify s.toml --measurements m.csv --json")
         .json();
     let note = json["notes"].to_string();
     assert!(note.contains("residuals too small for sigma"), "{note}");
@@ -120,10 +118,7 @@ fn files_carry_the_true_compliances() {
         .iter()
         .zip(truth)
     {
-        assert!(
-            (found / truth - 1.0).abs() < 1e-8,
-            "{found} against {truth}"
-        );
+        assert_alike(*found, truth, 1e-8);
     }
 }
 
@@ -180,10 +175,7 @@ fn linear_identification_is_biased_by_what_linearisation_misses() {
         for (index, parameter) in found.parameters.iter().enumerate() {
             let estimate = parameter.estimate.expect("determined").value;
             let expected = truth[index] + bias[index];
-            assert!(
-                (estimate / expected - 1.0).abs() < 1e-9,
-                "{estimate}, {expected}"
-            );
+            assert_alike(estimate, expected, 1e-9);
         }
         let micrometres = (&at_test_pose * bias).norm() * 1e6;
         assert!(
@@ -227,13 +219,7 @@ fn compensation_with_true_compliances() {
 fn an_uncertain_measurement_hardly_counts() {
     let scenario = scenario("klimchik2012_joint1");
     let experiment = &plan("kr270_joint1").experiments[0];
-    let state = (scenario
-        .task
-        .belief
-        .nominal
-        .chain
-        .at(&scenario.task.belief.calibration_tool))
-    .state(experiment.configuration_rad.as_slice());
+    let state = state_at(&scenario, &experiment.configuration_rad);
     let column = ObservationMatrix::new(&state, &experiment.load, &[0]).position;
     let column = Vector3::from_column_slice(column.as_slice());
     // What the other joints do is known.
@@ -259,15 +245,9 @@ fn an_uncertain_measurement_hardly_counts() {
     let estimate = found.parameters[0].estimate.expect("determined");
     let expected =
         compliance * (1.0 + 0.1 * 1e-4) / (1.0 + 1e-4) + 1e-4 * compliance / (1.0 + 1e-4);
-    assert!(
-        (estimate.value / expected - 1.0).abs() < 1e-12,
-        "{estimate:?}, {expected}"
-    );
+    assert_alike(estimate.value, expected, 1e-12);
     let standard_error = sigma_m / column.norm() / 1.0001_f64.sqrt();
-    assert!(
-        (estimate.standard_error / standard_error - 1.0).abs() < 1e-12,
-        "{estimate:?}"
-    );
+    assert_alike(estimate.standard_error, standard_error, 1e-12);
     let alone = identified(
         &scenario,
         &measurements[..1],
@@ -275,10 +255,7 @@ fn an_uncertain_measurement_hardly_counts() {
         Method::Linear,
     );
     let alone = alone.parameters[0].estimate.expect("determined").value;
-    assert!(
-        (estimate.value / alone - 1.0).abs() < 1.001e-5,
-        "the uncertain one counts"
-    );
+    assert_alike(estimate.value, alone, 1.001e-5);
 }
 
 /// The relative standard deviation of an estimated sigma is 1/sqrt(2 (n - p)): 2.6 % here.
@@ -304,11 +281,7 @@ fn residuals_tell_sigma() {
     );
     let freedom = f64::from(3 * 12 * 20 - 5_i32);
     let allowed = 4.0 / (2.0 * freedom).sqrt();
-    assert!(
-        (found.sigma_m / 0.07e-3 - 1.0).abs() < allowed,
-        "{}",
-        found.sigma_m
-    );
+    assert_alike(found.sigma_m, 0.07e-3, allowed);
     assert_eq!(found.residual_sigma_m, Some(found.sigma_m));
     assert_eq!(
         found.consistency, None,

@@ -11,7 +11,9 @@ use rayon::prelude::*;
 
 use crate::model_selection::read_where;
 use crate::one_fit::{between, normal, seen_arm, ur10, workplace};
-use crate::support::{Workplace, absolute_scenario_text, numbers, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike, list, number, numbers, scenario_text,
+};
 
 /// How each joint returns (rad).
 const RETURNS: [f64; 6] = [5e-5, 3e-5, 4e-5, 1e-4, 8e-5, 1.2e-4];
@@ -97,10 +99,7 @@ fn readings_of_one_visit_tell_their_noise() {
     let reading = &found.components[0];
     assert_eq!(reading.level, "reading");
     // 576 numbers within visits alone: known to 3 %.
-    assert!(
-        (reading.standard_uncertainty / 2.0 - 1.0).abs() < 0.12,
-        "{reading:?}"
-    );
+    assert_alike(reading.standard_uncertainty, 2.0, 0.12);
     assert!(reading.degrees_of_freedom > 500.0, "{reading:?}");
 }
 
@@ -110,22 +109,20 @@ fn repeats_become_error_sources() {
     let place = workplace(&visits(60, 8, 12, 1));
     let identify =
         "identify s.toml --measurements m.csv --parameters frames --uncertainties-out u.toml";
-    let found = place.run(&format!("{identify} --json --quiet")).json();
+    let found = place.record(identify);
     let components = &found["repeat_components"];
     assert_eq!(components["components"].as_array().map(Vec::len), Some(6));
-    let sentences = components["not_separated"].as_array().expect("sentences");
+    let sentences = list(&components["not_separated"]);
     assert_eq!(sentences.len(), 1, "{components}");
     let tables = place.read("u.toml");
     assert_eq!(tables.matches("joint_repeatability").count(), 6, "{tables}");
     place.write("f.toml", scenario_text("ur10") + &tables);
-    let planned = place
-        .run("plan f.toml --no-proof --experiments 4 --json --quiet")
-        .json();
+    let planned = place.record("plan f.toml --no-proof --experiments 4");
     let sources = planned["uncertainty_budget"].to_string();
     assert!(sources.contains("elbow repeatability"), "{sources}");
     // A source is of the difference of two visits.
     let of = &components["components"][0];
-    let visit_rad = of["standard_uncertainty"].as_f64().expect("a number") * 1e-3;
+    let visit_rad = number(&of["standard_uncertainty"]) * 1e-3;
     let told = format!("{:.3e}", visit_rad * std::f64::consts::SQRT_2 * 1e3);
     let told = format!("std_mrad = {}", told.parse::<f64>().expect("a number"));
     assert!(tables.contains(&told), "{told}: {tables}");
@@ -141,9 +138,9 @@ fn repeats_become_error_sources() {
     place.write("s.toml", scenario);
     // Few numbers: all joints have one variance.
     place.write("m.csv", absolute_table(&6.into(), &visits(61, 4, 2, 1)));
-    let few = place.run(&format!("{identify} --json --quiet")).json();
+    let few = place.record(identify);
     let few = &few["repeat_components"];
-    let sentences = few["not_separated"].as_array().expect("sentences");
+    let sentences = list(&few["not_separated"]);
     assert!(sentences.len() > 1, "{few}");
 }
 

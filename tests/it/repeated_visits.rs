@@ -3,16 +3,19 @@
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
 use elastocal::numeric::tolerance::pose_repeatability;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::ParameterSet;
-use elastocal::plan::{Plan, write_plan};
+use elastocal::plan::Plan;
 use elastocal::robot::Load;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix6xX, Vector3};
 use rand::RngExt;
 use serde_json::Value;
 
 use crate::one_fit::normal;
-use crate::support::{Workplace, number, numbers, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, blank_reading, list, number, numbers, scenario, scenario_text, setup, shipped,
+    table4,
+};
 
 /// The robot returns to a place so well along each axis (m).
 const SCATTER_M: [f64; 3] = [2e-5, 6e-5, 1e-5];
@@ -44,35 +47,21 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
         .collect();
     let mut readings = Vec::new();
     for visit in 0..POSES * VISITS {
-        let setup = Setup {
-            hangs_on: None,
-            commanded_rad: commands[visit % POSES].clone(),
-            load: Load::NONE,
-            target: 0,
-            station: 0,
-            approach: None,
-        };
+        let setup = setup(commands[visit % POSES].clone(), Load::NONE, 0);
         let seen = model.predict(&setup, ReadingKind::Position, &mut ignored);
         let hours = visit as f64 / 60.0;
         let returned = Vector3::from(SCATTER_M).map(|sigma| sigma * normal(&mut random));
         for _ in 0..times {
             readings.push(AbsoluteReading {
                 configuration_rad: setup.commanded_rad.clone(),
-                load: Load::NONE,
-                target: None,
-                station: None,
                 visit: (times > 1).then(|| format!("v{visit}")),
                 // Read to a tenth of a micrometre.
                 position_m: seen.as_ref().expect("stable").position_m
                     + returned
                     + drift_m_per_h * hours
                     + Vector3::from_fn(|_, _| 1e-7 * normal(&mut random)),
-                rotation: None,
-                covariance: None,
-                approach: None,
-                length: None,
                 time_s: Some(hours * 3600.0),
-                temperature_c: None,
+                ..blank_reading()
             });
         }
     }
@@ -80,8 +69,7 @@ fn visits(drift_m_per_h: Vector3<f64>, times: usize) -> Vec<AbsoluteReading> {
 }
 
 fn identified(readings: &[AbsoluteReading]) -> Value {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     place.write("m.csv", absolute_table(&6.into(), readings));
     let outcome =
         place.run("identify s.toml --measurements m.csv --parameters frames --json --quiet");
@@ -102,7 +90,7 @@ fn repeatability_is_that_of_the_returns() {
     assert_eq!(repeats["degrees_of_freedom"], 228);
     let found = number(&repeats["rp_mm"]) / expected_rp_mm();
     assert!((found - 1.0).abs() < 4.0 / 456.0_f64.sqrt(), "{found}");
-    let poses = repeats["poses"].as_array().expect("a list");
+    let poses = list(&repeats["poses"]);
     assert_eq!(poses.len(), POSES);
     let mut sum = 0.0;
     for (index, pose) in poses.iter().enumerate() {
@@ -159,8 +147,7 @@ fn readings_of_one_visit_are_no_repeats() {
 /// Of deflections the scatter of both readings shows: here the instrument's alone, of 0.03 mm in each coordinate.
 #[test]
 fn deflections_repeat_as_well_as_they_are_read() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let mut plan = table4(4);
     plan.experiments
         .iter_mut()
@@ -168,17 +155,10 @@ fn deflections_repeat_as_well_as_they_are_read() {
     let plan = Plan {
         experiments: plan.experiments,
     };
-    write_plan(&place.path("p.csv"), 6, &plan).expect("written");
-    place
-        .run("measure s.toml --plan p.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
-    let outcome = place
-        .run("identify s.toml --measurements m.csv --quiet")
-        .ends_with(0);
-    assert!(
-        outcome.stdout.contains("160 visits of 4 poses"),
-        "{outcome:?}"
-    );
+    place.write_plan("p.csv", 6, &plan);
+    place.done("measure s.toml --plan p.csv --measurements-out m.csv --quiet");
+    let outcome = place.done("identify s.toml --measurements m.csv --quiet");
+    outcome.prints("160 visits of 4 poses");
     let repeats = place.json("identify s.toml --measurements m.csv")["repeats"].clone();
     assert_eq!(repeats["degrees_of_freedom"], 156);
     let found = number(&repeats["rp_mm"]) / (0.03 * 3.616);
@@ -186,16 +166,10 @@ fn deflections_repeat_as_well_as_they_are_read() {
     assert_eq!(repeats["poses"][0]["ap_mm"], Value::Null);
     assert_eq!(repeats["drift"]["by"], "row");
     // None where nothing is repeated.
-    let once = "plans/klimchik2012_m4.csv";
-    let once = crate::support::project("scenarios").join(once);
-    place
-        .run(&format!(
-            "measure s.toml --plan {} --measurements-out o.csv --quiet",
-            once.display()
-        ))
-        .ends_with(0);
-    let json = place
-        .run("identify s.toml --measurements o.csv --json --quiet")
-        .json();
+    let once = shipped("scenarios/plans/klimchik2012_m4.csv");
+    place.done(&format!(
+        "measure s.toml --plan {once} --measurements-out o.csv --quiet"
+    ));
+    let json = place.record("identify s.toml --measurements o.csv");
     assert_eq!(json["repeats"], Value::Null);
 }

@@ -5,7 +5,7 @@ use elastocal::experiment::{Experiment, Plan};
 use elastocal::identification::{Case, Robustness, Sigma};
 use elastocal::laboratory::next::measured_plan;
 use elastocal::measurement::{Measurement, RotationMeasurement, by_experiment};
-use elastocal::observation::{NOTHING_READ, ObservationModel, PlannedReadings, ReadingKind, Setup};
+use elastocal::observation::{NOTHING_READ, ObservationModel, PlannedReadings, ReadingKind};
 use elastocal::parameter::{ElasticArm, ParameterSet};
 use elastocal::plan::posterior;
 use elastocal::robot::{Approach, Load};
@@ -15,7 +15,7 @@ use elastocal::testbed::{TrueRobots, add_noise_of};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6xX, Vector3};
 use serde_json::Value;
 
-use crate::support::{Workplace, table4};
+use crate::support::{Workplace, setup, table4};
 use crate::uncertainties::{assert_holds, loaded, repeated_in_study, study, with};
 
 const MISFIT: &str = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.04\n";
@@ -33,14 +33,7 @@ fn repeated(repeats: u32) -> Plan {
 /// The deflection (m) of an arm's first tool, to first order.
 pub fn deflection(arm: &ElasticArm, q: &DVector<f64>, load: &Load) -> Vector3<f64> {
     let (nothing, mut ignored) = (ParameterSet::empty(), Matrix6xX::zeros(0));
-    let setup = Setup {
-        hangs_on: None,
-        commanded_rad: q.clone(),
-        load: *load,
-        target: 0,
-        station: 0,
-        approach: None,
-    };
+    let setup = setup(q.clone(), *load, 0);
     ObservationModel::new(&nothing, arm, &[])
         .predict_first_order(None, &setup, ReadingKind::Deflection, &mut ignored)
         .position_m

@@ -1,11 +1,11 @@
 //! The pages: complete, in agreement with the records, safe, and good to look at.
 
-use elastocal::text::wording::{micrometres, number};
+use elastocal::text::wording::{micrometres, number as worded};
 use elastocal::view::markup::escaped;
 use serde_json::Value;
 
 use crate::browser::looks_well;
-use crate::support::{Workplace, numbers, scenario_text};
+use crate::support::{Workplace, list, number, numbers, scenario_text};
 
 /// The sections of a run's report.
 const SECTIONS: [&str; 8] = [
@@ -101,25 +101,22 @@ fn assert_agrees(page: &str, results: &Value) {
             .to_owned(),
     ];
     for value in numbers(&results["compliance_rad_per_nm"]) {
-        texts.push(format!("<td>{}</td>", number(Some(value * 1e6), 4)));
+        texts.push(format!("<td>{}</td>", worded(Some(value * 1e6), 4)));
     }
-    for interval in results["compliance_ci95_rad_per_nm"]
-        .as_array()
-        .expect("an array")
-    {
+    for interval in list(&results["compliance_ci95_rad_per_nm"]) {
         let [low, high] = numbers(interval)[..] else {
             panic!("two ends")
         };
-        let [low, high] = [low, high].map(|end| number(Some(end * 1e6), 4));
+        let [low, high] = [low, high].map(|end| worded(Some(end * 1e6), 4));
         texts.push(format!(
             "<td><span class=\"unit\">{low} to {high}</span></td>"
         ));
     }
-    for plan in results["study"].as_array().expect("an array") {
+    for plan in list(&results["study"]) {
         texts.extend([three(&plan["mean_mm"]), three(&plan["rms_mm"])]);
         texts.push(format!("mean {}", micro(&plan["mean_mm"])));
     }
-    for plan in results["criteria_compared"].as_array().expect("an array") {
+    for plan in list(&results["criteria_compared"]) {
         texts.push(micro(&plan["rho0_mm"]));
     }
     if let Some(boxes) = results["proof"]["boxes"].as_u64() {
@@ -137,8 +134,8 @@ fn assert_agrees(page: &str, results: &Value) {
 
 /// What stands beside the plan is as good as the plan's own prediction says.
 fn assert_evidence_holds(results: &Value) {
-    let rho0 = results["rho0_mm"].as_f64().expect("a number");
-    let criteria = results["criteria_compared"].as_array().expect("an array");
+    let rho0 = number(&results["rho0_mm"]);
+    let criteria = list(&results["criteria_compared"]);
     assert_eq!(criteria.len(), 3);
     assert_eq!(criteria[0]["criteria"], serde_json::json!(["test_pose"]));
     assert_eq!(criteria[0]["rho0_mm"], rho0);
@@ -149,13 +146,13 @@ fn assert_evidence_holds(results: &Value) {
             other["criteria"]
         );
     }
-    let accuracy = results["accuracy"].as_array().expect("an array");
+    let accuracy = list(&results["accuracy"]);
     let own = (accuracy.iter()).find(|point| point["experiments"] == results["experiments"]);
     assert_eq!(own.expect("the plan itself")["rho0_mm"], rho0);
     let bounds = numbers(&results["lower_bounds_rho0_mm"]);
     for point in accuracy {
         let m = usize::try_from(point["experiments"].as_u64().expect("a count")).expect("small");
-        let bound = point["lower_bound_rho0_mm"].as_f64().expect("a number");
+        let bound = number(&point["lower_bound_rho0_mm"]);
         assert!((bounds[m - 1] / bound - 1.0).abs() < 1e-12);
         assert!(
             point["rho0_mm"].as_f64() >= Some(bound * (1.0 - 1e-9)),
@@ -243,7 +240,7 @@ fn what_a_scenario_says_is_text_on_the_page() {
 
     let plan = format!("[[study.plan]]\nname = {quoted}\nkind = \"random\"\n");
     workplace.write("s.toml", text + "\n[study]\ntrials = 2000\n" + &plan);
-    workplace.run("study s.toml --quiet").ends_with(0);
+    workplace.done("study s.toml --quiet");
     let page = workplace.read("out/s/study.html");
     assert!(!page.contains("<script") && !page.contains("<img"));
     assert!(page.contains(&escaped(hostile)));
@@ -255,10 +252,8 @@ fn problems_are_on_the_first_cards() {
     let text = scenario_text("planar_3r").replace("sigma_mm = 0.03", "sigma_mm = 3");
     let (page, results) = run(&Workplace::new(), &text, 3);
     assert_agrees(&page, &results);
-    let joints = results["parameters"].as_array().expect("an array").iter();
-    let values = results["compliance_rad_per_nm"]
-        .as_array()
-        .expect("an array");
+    let joints = list(&results["parameters"]).iter();
+    let values = list(&results["compliance_rad_per_nm"]);
     let negative: Vec<_> = (joints.zip(values))
         .filter(|(_, value)| value.as_f64() < Some(0.0))
         .map(|(joint, _)| joint.as_str().expect("a name"))
@@ -272,17 +267,16 @@ fn problems_are_on_the_first_cards() {
 
 #[test]
 fn a_study_has_a_page_with_its_numbers() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let arguments = "study s.toml --trials 4000 --json --quiet";
-    let json = workplace.run(arguments).ends_with(0).json();
+    let json = workplace.done(arguments).json();
     let page = workplace.read("out/s/study.html");
     assert_self_contained(&page);
-    for plan in json["plans"].as_array().expect("an array") {
-        let mean = plan["mean_mm"].as_f64().expect("a number") * 1e3;
+    for plan in list(&json["plans"]) {
+        let mean = number(&plan["mean_mm"]) * 1e3;
         assert_has(&page, &[format!("<td>{mean:.3}</td>")]);
     }
-    let optimal = (json["plans"].as_array().expect("an array"))
+    let optimal = (list(&json["plans"]))
         .iter()
         .find(|plan| plan["name"] == "optimal");
     let mean = optimal.expect("there is one")["mean_mm"].as_f64();
@@ -296,14 +290,13 @@ fn a_study_has_a_page_with_its_numbers() {
 /// Two runs know a mean to within more than itself: its interval ends at zero, which a logarithmic axis does not have.
 #[test]
 fn a_study_of_two_runs_has_a_page() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("ur10"));
+    let workplace = Workplace::with("s.toml", scenario_text("ur10"));
     let reaches_zero = (9..15).filter(|seed| {
         let run = workplace.run(&format!(
             "study s.toml --trials 2 --level model --seed {seed} --json --quiet"
         ));
         let json = run.json();
-        let plans = json["plans"].as_array().expect("an array");
+        let plans = list(&json["plans"]);
         let lows = plans.iter().map(|plan| numbers(&plan["mean_ci95_mm"])[0]);
         let lows: Vec<f64> = lows.collect();
         assert!(lows.iter().all(|low| *low >= 0.0), "{lows:?}");

@@ -9,7 +9,7 @@ use elastocal::paper::{
 use elastocal::plan::search::Watch;
 use elastocal::study::StudyError;
 
-use crate::support::{Workplace, numbers, scenario, scenario_text, table4};
+use crate::support::{Workplace, list, number, numbers, scenario, scenario_text, table4};
 
 /// Eq. 23, Tables 5 and 6, which need no search.
 fn tables() -> (Vec<Vec<Number>>, Vec<StandardErrors>, Vec<Accuracy>) {
@@ -76,17 +76,13 @@ fn disagreement_is_named() {
 
 #[test]
 fn the_program_sets_both_side_by_side() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let outcome = workplace
-        .run("reproduce s.toml --json --quiet")
-        .ends_with(0);
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let outcome = workplace.done("reproduce s.toml --json --quiet");
     let json = outcome.json();
     assert_eq!(json["conditions"], serde_json::json!([]));
-    let written: serde_json::Value =
-        serde_json::from_str(&workplace.read("out/s/reproduction.json")).expect("JSON");
+    let written = workplace.parsed("out/s/reproduction.json");
     assert_eq!(json, written);
-    let rows = |key: &str| json[key].as_array().expect("an array").clone();
+    let rows = |key: &str| list(&json[key]).clone();
     let cells: Vec<_> = (rows("eq23").iter())
         .flat_map(|row| row.as_array().expect("a row").clone())
         .collect();
@@ -95,8 +91,8 @@ fn the_program_sets_both_side_by_side() {
     assert_eq!((rows("table4").len(), rows("table5").len()), (5, 5));
     // Our plans are better than Table 4's, and no better than can be.
     for row in rows("table6") {
-        let [own, found, bound] = ["own_rho0_mm", "found_rho0_mm", "lower_bound_rho0_mm"]
-            .map(|key| row[key].as_f64().expect("a number"));
+        let [own, found, bound] =
+            ["own_rho0_mm", "found_rho0_mm", "lower_bound_rho0_mm"].map(|key| number(&row[key]));
         assert!(bound <= own && own < 0.97 * found, "{row}");
     }
     // The headline: the printed means give 1.58 to 1.64, ours more.
@@ -104,7 +100,7 @@ fn the_program_sets_both_side_by_side() {
     let ratio = |name: &str| {
         let row = fig7.iter().find(|row| row["name"] == name).expect("a row");
         let ends = numbers(&row["random_over_mean_ci95"]);
-        let value = row["random_over_mean"].as_f64().expect("a number");
+        let value = number(&row["random_over_mean"]);
         assert!(ends[0] < value && value < ends[1]);
         (ends, row["printed_random_over_mean"].as_f64())
     };
@@ -121,13 +117,9 @@ fn the_program_sets_both_side_by_side() {
 
 #[test]
 fn another_problem_is_refused() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("planar_3r"));
-    let outcome = workplace.run("reproduce s.toml --quiet").ends_with(1);
-    assert!(
-        outcome.stderr.contains("not the paper's problem"),
-        "{outcome:#?}"
-    );
+    let workplace = Workplace::with("s.toml", scenario_text("planar_3r"));
+    let outcome = workplace.refused("reproduce s.toml --quiet");
+    outcome.says("not the paper's problem");
 }
 
 /// Whoever asks it to stop does not wait for Fig. 7's runs, which here would take hours.

@@ -15,7 +15,9 @@ use nalgebra::{DVector, Vector3};
 use serde_json::{Value, json};
 
 use crate::one_fit::{between, normal};
-use crate::support::{Workplace, numbers, project, scenario_text};
+use crate::support::{
+    Workplace, assert_alike, assert_near_in, number, numbers, scenario_text, shipped,
+};
 
 const AS_COMMANDED: Robustness = Robustness {
     keeps_all: false,
@@ -24,9 +26,8 @@ const AS_COMMANDED: Robustness = Robustness {
 };
 
 fn scenario(more: &str) -> Scenario {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012") + more);
-    Scenario::load(&workplace.path("s.toml")).expect("a scenario")
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012") + more);
+    workplace.scenario("s.toml")
 }
 
 pub fn robust(scenario: &Scenario, measurements: &[Measurement]) -> RobustIdentification {
@@ -75,10 +76,7 @@ fn wrong_deflections_are_left_out_and_named() {
             (clean.identification.parameters.iter()).zip(&found.identification.parameters)
         {
             let [one, other] = [one, other].map(|each| each.estimate.expect("determined"));
-            assert!(
-                (one.value - other.value).abs() < one.standard_error,
-                "{run}"
-            );
+            assert_near_in(&run, one.value, other.value, one.standard_error);
         }
     }
 }
@@ -139,9 +137,8 @@ fn one_of_four_is_found_by_what_the_others_predict() {
 #[test]
 fn compliances_that_measurements_hardly_determine_stay_nominal() {
     let noisy = scenario_text("klimchik2012").replace("sigma_mm = 0.03", "sigma_mm = 0.6");
-    let place = Workplace::new();
-    place.write("s.toml", noisy);
-    let scenario = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let place = Workplace::with("s.toml", noisy);
+    let scenario = place.scenario("s.toml");
     let (task, truth) = (&scenario.task, &scenario.truth);
     let mut robots = TrueRobots::new(&task.belief, truth).expect("robots");
     let nominal = &task.belief.nominal.compliance_rad_per_nm;
@@ -172,9 +169,7 @@ fn compliances_that_measurements_hardly_determine_stay_nominal() {
                     }
                     (None, Some(other)) => {
                         let would_be = other.estimate.expect("an estimate");
-                        assert!(
-                            (found.compliance_rad_per_nm[each.joint] / own - 1.0).abs() < 1e-12
-                        );
+                        assert_alike(found.compliance_rad_per_nm[each.joint], own, 1e-12);
                         negative += usize::from(would_be.value < 0.0);
                         uncertain += usize::from(would_be.standard_error > own);
                         let note = found
@@ -358,9 +353,8 @@ fn intervals_hold_where_rotations_are_off() {
     const RUNS: u64 = 150;
     let text = scenario_text("klimchik2012");
     let text = text.replace("[instrument]", "[instrument]\nrotation_sigma_mrad = 0.05");
-    let place = Workplace::new();
-    place.write("s.toml", text);
-    let scenario = Scenario::load(&place.path("s.toml")).expect("a scenario");
+    let place = Workplace::with("s.toml", text);
+    let scenario = place.scenario("s.toml");
     let (task, truth) = (&scenario.task, &scenario.truth);
     let belief = &task.belief;
     let mut robots = TrueRobots::new(belief, truth).expect("robots");
@@ -402,16 +396,10 @@ fn intervals_hold_where_rotations_are_off() {
 /// What the command says, and what others make of its file.
 #[test]
 fn the_command_names_what_it_leaves_out_and_what_it_counts() {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m12.csv");
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m12.csv");
     let measure = |scenario: &str, more: &str| {
-        place
-            .run(&format!(
-                "measure {scenario} --quiet --plan {} {more}",
-                plan.display()
-            ))
-            .ends_with(0);
+        place.done(&format!("measure {scenario} --quiet --plan {plan} {more}"));
     };
     measure("s.toml", "--measurements-out m.csv");
     let identify = |more: &str| place.run(&format!("identify s.toml --quiet {more}"));
@@ -439,14 +427,10 @@ fn the_command_names_what_it_leaves_out_and_what_it_counts() {
         .collect();
     place.write("w.csv", wrong.join("\n") + "\n");
     let outcome = identify("--measurements w.csv --identified-out i.json").ends_with(3);
-    assert!(
-        outcome.stdout.contains("5 (left out)"),
-        "{}",
-        outcome.stdout
-    );
+    outcome.prints("5 (left out)");
     let outcome = outcome.says("condition C0207: 1 outlier of");
     assert!(!outcome.stderr.contains("too large"), "{}", outcome.stderr);
-    let json: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let json = place.parsed("i.json");
     assert_eq!(json["rejected"][0]["reading"], json!(5));
     assert_eq!(json["patterns"]["without"], json!([5]));
     let count =
@@ -463,7 +447,7 @@ fn the_command_names_what_it_leaves_out_and_what_it_counts() {
     let error = |json: &Value| json["compliance_std_rad_per_nm"][0].as_f64();
     let outcome = identify("--measurements h.csv --json --identified-out i.json").ends_with(3);
     let with = outcome.json();
-    let discrepancy_mm = with["discrepancy_mm"].as_f64().expect("a number");
+    let discrepancy_mm = number(&with["discrepancy_mm"]);
     assert!((0.1..0.6).contains(&discrepancy_mm), "{discrepancy_mm}");
     outcome.says("model discrepancy of");
     let without = identify("--measurements h.csv --json --noise-only")
@@ -471,11 +455,8 @@ fn the_command_names_what_it_leaves_out_and_what_it_counts() {
         .json();
     assert_eq!(without["discrepancy_mm"], Value::Null);
     assert!(error(&with) > error(&without).map(|error| 3.0 * error));
-    let other = format!(
-        "measure h.toml --quiet --seed 9 --plan {} --measurements-out o.csv",
-        plan.display()
-    );
-    place.run(&other).ends_with(0);
+    let other = format!("measure h.toml --quiet --seed 9 --plan {plan} --measurements-out o.csv");
+    place.done(&other);
     let validate = |file: &str, code: i32| {
         place
             .run(&format!(
@@ -484,7 +465,7 @@ fn the_command_names_what_it_leaves_out_and_what_it_counts() {
             .ends_with(code)
     };
     let json = validate("i.json", 3).json();
-    let probability = json["probability"].as_f64().expect("a number");
+    let probability = number(&json["probability"]);
     assert!((1e-3..0.999).contains(&probability), "{probability}");
     let text = place.read("i.json");
     place.write(

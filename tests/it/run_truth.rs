@@ -7,7 +7,7 @@ use elastocal::scenario::Scenario;
 use elastocal::view::recording::Recording;
 use nalgebra::Vector3;
 
-use crate::support::{Workplace, project, scenario, scenario_text, table4};
+use crate::support::{Workplace, assert_near_in, scenario, scenario_text, shipped, table4};
 
 const SEEDS: u64 = 200;
 /// A share of so many seeds may be off by so many of its standard deviations: a right program exceeds them in one of 150 000
@@ -78,10 +78,7 @@ fn intervals_hold_the_truth_beside_them_and_residuals_are_as_large_as_predicted(
         let mean = squares.iter().sum::<f64>() / SEEDS as f64;
         let spread = squares.iter().map(|square| (square - mean).powi(2));
         let deviation = (spread.sum::<f64>() / SEEDS as f64 / SEEDS as f64).sqrt();
-        assert!(
-            (mean - 1.0).abs() < ALLOWED * deviation,
-            "residual {reading}, axis {axis}: {mean} +- {deviation}"
-        );
+        assert_near_in(&(reading, axis), mean, 1.0, ALLOWED * deviation);
     }
     // What the fit takes up is less than what there is.
     for run in &runs {
@@ -136,7 +133,7 @@ fn deflections_are_off_by_the_drift_of_their_run() {
     let place = Workplace::new();
     let drift = "\n[[uncertainty]]\nkind = \"drift\"\nstd_um_per_h = 1e6\n";
     place.write("s.toml", scenario_text("klimchik2012") + drift);
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let scenario = place.scenario("s.toml");
     let run = calibrate(&scenario.task, &scenario.truth, &table4(3), 0, 0).expect("works");
     let drift_m: Vec<f64> = run.truth.sampled.iter().map(|each| each.value).collect();
     assert_eq!(drift_m.len(), 3);
@@ -156,12 +153,10 @@ fn deflections_are_off_by_the_drift_of_their_run() {
 #[test]
 fn the_truth_of_a_run_can_be_measured_without_noise() {
     let workplace = Workplace::new();
-    let scenario_file = project("scenarios/kr270.toml");
-    let plan_file = project("scenarios/plans/klimchik2012_m3.csv");
+    let scenario_file = shipped("scenarios/kr270.toml");
+    let plan_file = shipped("scenarios/plans/klimchik2012_m3.csv");
     let shown = workplace.run(&format!(
-        "measure {} --plan {} --run 0 --noise-free --json",
-        scenario_file.display(),
-        plan_file.display()
+        "measure {scenario_file} --plan {plan_file} --run 0 --noise-free --json"
     ));
     let json = shown.json();
     let scenario = scenario("kr270");

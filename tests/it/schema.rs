@@ -97,7 +97,7 @@ fn problems(root: &Value, schema: &Value, value: &Value, at: &str) -> Vec<String
 type Change = fn(&mut Map<String, Value>);
 
 fn schema() -> Value {
-    let outcome = Workplace::new().run("schema").ends_with(0);
+    let outcome = Workplace::new().done("schema");
     assert_eq!(outcome.stderr, "");
     outcome.json()
 }

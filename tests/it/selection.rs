@@ -5,11 +5,10 @@ use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::markov::{Correlation, Kernel, SampledFunction};
 use elastocal::numeric::random::generator;
 use elastocal::parameter::JointFunction;
-use elastocal::scenario::Scenario;
 
 use crate::model_selection::read_of;
 use crate::one_fit::{Campaign, plain, read, seen_arm, ur10, workplace};
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, list, scenario_text, shipped};
 
 const SELECT: &str =
     "select s.toml --measurements m.csv --parameters zeros --sizes 10,16 --draws 12 --campaigns 40";
@@ -28,8 +27,8 @@ fn predictions_of_choices_are_kept() {
     assert_eq!(found["readings"], 150);
     assert!(place.read("p.svg").contains("absolute accuracy"));
     crate::browser::plot_looks_well(&place.path("p.svg"));
-    for of_size in found["sizes"].as_array().expect("sizes") {
-        let planned = of_size["planned"].as_array().expect("choices");
+    for of_size in list(&found["sizes"]) {
+        let planned = list(&of_size["planned"]);
         assert_eq!(planned.len(), 6);
         let best = &planned[0];
         assert_eq!(best["criterion"], "test_pose");
@@ -41,7 +40,7 @@ fn predictions_of_choices_are_kept() {
             assert!(predicted >= rho0 * (1.0 - 1e-9), "{other:#}");
             let kept = number(&other["without_discrepancy_from_true_mm"]) / predicted;
             assert!((0.65..1.4).contains(&kept), "{kept}: {other:#}");
-            let chosen = other["readings"].as_array().expect("readings").len();
+            let chosen = list(&other["readings"]).len();
             assert_eq!(chosen.to_string(), of_size["size"].to_string());
         }
         let random = &of_size["random"];
@@ -61,12 +60,7 @@ fn predictions_count_discrepancy() {
     let predicted = |noise: f64| {
         let mut random = generator(11, 0);
         let arm = seen_arm(&mut random, &ur10(), 1, 1);
-        let campaign = Campaign {
-            readings: 80,
-            is_pose: false,
-            noise,
-            force_n: 0.0,
-        };
+        let campaign = Campaign::positions(80, noise);
         let place = workplace(&read(&mut random, &arm, &campaign));
         let found = place.json("select s.toml --measurements m.csv --parameters zeros --sizes 8 --draws 1 --campaigns 20");
         let best = &found["sizes"][0]["planned"][0];
@@ -131,11 +125,9 @@ fn are_planned_with(correlation: Correlation, name: &str, of_one_robot: std::ops
         "select f.toml {command} --campaigns 20 --threads 1"
     ));
     let plain = place.json(&format!("select s.toml {command} --campaigns 0"));
-    assert_eq!(found["joint_errors"].as_array().expect("joints").len(), 6);
-    for (of_size, plain) in (found["sizes"].as_array().expect("sizes").iter())
-        .zip(plain["sizes"].as_array().expect("sizes"))
-    {
-        let planned = of_size["planned"].as_array().expect("choices");
+    assert_eq!(list(&found["joint_errors"]).len(), 6);
+    for (of_size, plain) in (list(&found["sizes"]).iter()).zip(list(&plain["sizes"])) {
+        let planned = list(&of_size["planned"]);
         assert_eq!(planned.len(), 7);
         let best = &planned[0];
         assert_eq!(best["criterion"], "test_pose_with_joint_errors");
@@ -174,8 +166,7 @@ fn estimated_components_are_those_of_the_robot() {
         let ratio = slope / (FUNCTION.0.powi(2) / FUNCTION.1);
         assert!((0.5..1.6).contains(&ratio), "{each:?}");
     }
-    place.run("select f.toml --measurements m.csv --parameters zeros --sizes 12 --draws 1 --campaigns 0 --quiet")
-        .ends_with(0);
+    place.done("select f.toml --measurements m.csv --parameters zeros --sizes 12 --draws 1 --campaigns 0 --quiet");
 }
 
 /// What `identify` finds of the functions of a robot that has such, read at so many poses.
@@ -189,7 +180,7 @@ fn identified_functions(
     place.run(&format!("{identify} --uncertainties-out u.toml"));
     let tables = place.read("u.toml");
     place.write("f.toml", scenario_text("ur10") + &tables);
-    let scenario = Scenario::load(&place.path("f.toml")).expect("a scenario");
+    let scenario = place.scenario("f.toml");
     let extended = &scenario.task.belief.uncertain;
     let functions = extended.joint_functions();
     assert_eq!(functions.len(), 6);
@@ -261,12 +252,7 @@ fn wrong_correlations_are_refused() {
             "w.toml",
             format!("{}\n[[uncertainty]]\n{table}\n", scenario_text("ur10")),
         );
-        let outcome = place.run("check w.toml --quiet").ends_with(1);
-        assert!(
-            outcome.stderr.contains(wanted),
-            "{wanted}: {}",
-            outcome.stderr
-        );
+        place.refused("check w.toml --quiet").says(wanted);
     }
 }
 
@@ -295,29 +281,20 @@ fn what_cannot_be_chosen_from_is_refused() {
     let readings = plain(12, false);
     let place = workplace(&readings);
     let run = |place: &Workplace, arguments: &str, wanted: &str| {
-        let outcome = place.run(&format!("{arguments} --quiet")).ends_with(1);
-        assert!(
-            outcome.stderr.contains(wanted),
-            "{wanted}: {}",
-            outcome.stderr
-        );
+        let outcome = place.refused(&format!("{arguments} --quiet"));
+        outcome.says(wanted);
     };
     run(
         &place,
         "select s.toml --measurements m.csv --sizes 12",
         "holds 12 readings, of which 12 leave none to validate on",
     );
-    place
-        .run("select s.toml --measurements m.csv --sizes 0")
-        .ends_with(2);
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
+    place.misused("select s.toml --measurements m.csv --sizes 0");
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     place.write("kr.toml", scenario_text("klimchik2012"));
-    place
-        .run(&format!(
-            "measure kr.toml --plan {} --measurements-out d.csv --quiet",
-            plan.display()
-        ))
-        .ends_with(0);
+    place.done(&format!(
+        "measure kr.toml --plan {plan} --measurements-out d.csv --quiet"
+    ));
     run(
         &place,
         "select kr.toml --measurements d.csv --sizes 2",

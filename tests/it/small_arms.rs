@@ -4,7 +4,7 @@
 use elastocal::text::{for_terminal, wording::micrometres};
 use serde_json::Value;
 
-use crate::support::{Workplace, number};
+use crate::support::{Workplace, assert_alike, assert_near_in, list, number};
 use crate::uncertainties::assert_holds;
 
 /// An arm with a hinge "soft" in the middle, which is driven or only gives.
@@ -82,8 +82,8 @@ fn what_no_command_makes_up_for_is_named() {
                 [design]\nexperiments = 4\n[study]\nlevel = \"robot\"\ntrials = 400\n\
                 [[study.plan]]\nname = \"optimal\"\nkind = \"optimal\"\n";
     let place = Workplace::of_arm(arm, text);
-    let planned = place.run("plan arm.toml --no-proof --json --quiet").json();
-    let conditions = planned["conditions"].as_array().expect("a list");
+    let planned = place.record("plan arm.toml --no-proof");
+    let conditions = list(&planned["conditions"]);
     let named = conditions.iter().find(|each| each["code"] == "C0113");
     let said = named.expect("the condition")["text"]
         .as_str()
@@ -92,15 +92,12 @@ fn what_no_command_makes_up_for_is_named() {
     let left_um = left_um.split_once(" um").expect("a unit").0;
     let left_mm = left_um.parse::<f64>().expect("a number") * 1e-3;
     let rho0_mm = number(&planned["rho0_mm"]);
-    let study = place.run("study arm.toml --json --quiet").json();
+    let study = place.record("study arm.toml");
     let observed_mm = number(&study["plans"][0]["rms_mm"]);
     assert!(left_mm > 0.5 * rho0_mm, "{left_mm} {rho0_mm}");
     // Of 400 runs the part that varies is known to some 4 %.
     let expected_mm = left_mm.hypot(rho0_mm);
-    assert!(
-        (observed_mm / expected_mm - 1.0).abs() < 0.05,
-        "{observed_mm} {expected_mm}"
-    );
+    assert_alike(observed_mm, expected_mm, 0.05);
 }
 
 /// Commands that make up for a passive joint move links that are not where they are believed to be.
@@ -134,10 +131,7 @@ fn laws_of_joints_count_in_absolute_predictions() {
         let trials = &json["trials"];
         let [rms, error, predicted] =
             ["rms_mm", "rms_std_mm", "predicted_rms_mm"].map(|key| number(&trials[key]));
-        assert!(
-            (rms - predicted).abs() < 3.0 * error + 0.02 * predicted,
-            "{kind}: {rms} {predicted}"
-        );
+        assert_near_in(&kind, rms, predicted, 3.0 * error + 0.02 * predicted);
     }
 }
 
@@ -157,14 +151,14 @@ fn several_test_poses_are_one_rms() {
     let source = "kind = \"joint_zero\"\nstd_mrad = 0.2\n[[test_pose]]\nname = \"far\"\nq_deg = [-30, 20, 0, 10]\nforce_n = [0, 0, -400]\n";
     let place = place(true, text(true, "relative", 6, source));
     let json = place.json("run arm.toml --no-proof");
-    let poses = json["plans"][0]["test_poses"].as_array().expect("a list");
+    let poses = list(&json["plans"][0]["test_poses"]);
     assert_eq!(poses.len(), 2);
     let square = |pose: &Value| number(&pose["weight"]) * number(&pose["residual_mm"]).powi(2);
     let rms_mm = poses.iter().map(square).sum::<f64>().sqrt();
-    let said = place.run("run arm.toml --no-proof --quiet").stdout;
+    let said = place.run("run arm.toml --no-proof --quiet");
     let rms = for_terminal(&micrometres(Some(rms_mm)));
     let words = format!("Observed in this run: {rms}.");
-    assert!(said.contains(&words), "{words}: {said}");
+    said.prints(&words);
 }
 
 /// Another campaign on the robot of a run: the same robot, other errors of readings. Another series in it: read from where the instrument
@@ -174,9 +168,7 @@ fn campaigns_read_one_robot_anew() {
     let source = "kind = \"joint_zero\"\nstd_mrad = 2\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.02";
     for accuracy in ["relative", "absolute"] {
         let place = place(true, text(true, accuracy, 8, source));
-        place
-            .run("plan arm.toml --plan-out plan.csv --quiet")
-            .ends_with(0);
+        place.done("plan arm.toml --plan-out plan.csv --quiet");
         let measured = |more: &str| {
             place.run(&format!(
                 "measure arm.toml --plan plan.csv --measurements-out m.csv --quiet {more}"
@@ -285,9 +277,7 @@ fn nested_models_have_what_their_own_weights_tell() {
         rows += &format!("{}{load},0,0,0,1\n", angles.concat());
     }
     place.write("plan.csv", rows);
-    place
-        .run("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure arm.toml --plan plan.csv --measurements-out m.csv --quiet");
     let found = place.json("identify arm.toml --measurements m.csv --model-selection");
     assert_eq!(
         found["groups"],
@@ -304,7 +294,7 @@ fn zeros_of_passive_joints_are_not_sampled() {
     let source = "kind = \"joint_repeatability\"\nstd_mrad = 0.01";
     let place = place(false, text(false, "absolute", 16, source));
     let run = place.json("run arm.toml --draw 20 --parameters zeros");
-    let unknowns = run["truth"]["unknowns"].as_array().expect("a list");
+    let unknowns = list(&run["truth"]["unknowns"]);
     let of = |name: &str| {
         let known = unknowns.iter().find(|each| each["name"] == name);
         number(&known.expect("it is identified")["value"])
@@ -319,9 +309,8 @@ fn zeros_of_passive_joints_are_not_sampled() {
 fn an_only_hinge_has_a_proof_and_a_task_without_effect_is_named() {
     let model = "<mujoco><worldbody><body name=\"a\"><joint name=\"j\" axis=\"0 0 1\" range=\"-90 90\"/>\
                  <inertial pos=\"0 0 0\" mass=\"1\" diaginertia=\".1 .1 .1\"/></body></worldbody></mujoco>";
-    let place = Workplace::new();
-    place.write("arm.xml", model);
-    place.run("init arm.xml --quiet").ends_with(0);
+    let place = Workplace::with("arm.xml", model);
+    place.done("init arm.xml --quiet");
     let json = place.json_with_conditions("plan arm.toml --noise-only --plan-out p.csv");
     let [bound, found] = ["lower_bound_rho0_mm", "rho0_mm"].map(|key| number(&json[key]));
     assert!(
@@ -339,7 +328,7 @@ fn an_only_hinge_has_a_proof_and_a_task_without_effect_is_named() {
         "run on.toml",
         "budget on.toml --up-to 4",
     ] {
-        let said = place.run(command).ends_with(1);
+        let said = place.refused(command);
         said.says("error E0101: on.toml: test_pose: nothing that is unknown bends the tool");
     }
     place

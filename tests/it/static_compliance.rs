@@ -13,7 +13,9 @@ use nalgebra::{DVector, Matrix3, Vector3};
 use serde_json::Value;
 
 use crate::one_fit::normal;
-use crate::support::{Workplace, absolute_scenario_text, number, project, scenario, table4};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_near_in, list, number, project, scenario, table4,
+};
 use crate::uncertainties::{loaded, with};
 
 /// The force that MuJoCo hangs on the tool (N).
@@ -135,15 +137,11 @@ fn an_identified_robot_has_its_own() {
     let scenario_file = project("scenarios/kr270.toml");
     let plan = project("scenarios/plans/klimchik2012_m12.csv");
     let (scenario_file, plan) = (scenario_file.display(), plan.display());
-    place
-        .run(&format!(
-            "measure {scenario_file} --plan {plan} --seed 3 --measurements-out m.csv --quiet"
-        ))
-        .ends_with(0);
+    place.done(&format!(
+        "measure {scenario_file} --plan {plan} --seed 3 --measurements-out m.csv --quiet"
+    ));
     place.run("identify --measurements m.csv --identified-out i.json --quiet");
-    let known = place
-        .run("compensate --identified i.json --static-compliance --json --quiet")
-        .json();
+    let known = place.record("compensate --identified i.json --static-compliance");
     let planned = place.json_with_conditions(&format!(
         "evaluate {scenario_file} --plan {plan} --static-compliance --no-proof"
     ));
@@ -167,10 +165,7 @@ fn an_identified_robot_has_its_own() {
     let mut moved = 0.0_f64;
     for (index, (found, error)) in found.iter().zip(&errors).enumerate() {
         let judged = judged[(index / 3, index % 3)];
-        assert!(
-            (found - judged).abs() < 4.0 * error,
-            "{index}: {found} {judged} {error}"
-        );
+        assert_near_in(&index, *found, judged, 4.0 * error);
         moved = moved.max((found - nominal[index]).abs() / error);
     }
     // It is the robot's and not the data sheet's.
@@ -180,9 +175,8 @@ fn an_identified_robot_has_its_own() {
 /// What a plan of absolute readings determines, too.
 #[test]
 fn plans_of_absolute_readings_have_it() {
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("ur10"));
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let place = Workplace::with("s.toml", absolute_scenario_text("ur10"));
+    let scenario = place.scenario("s.toml");
     let plan = random_plan(&scenario.task, 40, 3, 0).expect("a plan");
     let rows: Vec<Candidate> = (plan.experiments.iter().enumerate())
         .map(|(index, each)| Candidate {
@@ -202,9 +196,7 @@ fn plans_of_absolute_readings_have_it() {
     let commands = scenario.task.belief.commands();
     write_candidates(&place.path("p.csv"), commands, &rows).expect("written");
     let run = "evaluate s.toml --plan p.csv --static-compliance --parameters";
-    let json = place
-        .run(&format!("{run} compliances --json --quiet"))
-        .json();
+    let json = place.record(&format!("{run} compliances"));
     let message = &json["static_compliance"];
     assert_eq!(message["assumed_exact"], serde_json::json!([]));
     let pose = &message["test_poses"][0];
@@ -216,9 +208,7 @@ fn plans_of_absolute_readings_have_it() {
     }
     assert!(number(&pose["standard_uncertainty_mm_per_n"][2][2]) > 0.0);
     // Of compliances that are not asked for nothing is uncertain.
-    let json = place.run(&format!("{run} zeros --json --quiet")).json();
-    let exact = json["static_compliance"]["assumed_exact"]
-        .as_array()
-        .expect("names");
+    let json = place.record(&format!("{run} zeros"));
+    let exact = list(&json["static_compliance"]["assumed_exact"]);
     assert_eq!(exact.len(), 6);
 }

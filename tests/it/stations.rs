@@ -1,16 +1,16 @@
 //! Where the instrument stands: each station has its own distance, sight and bounds, and a plan chooses among them.
 
-use std::sync::atomic::AtomicBool;
-
 use elastocal::experiment::Candidate;
 use elastocal::identification::ParameterGroup;
 use elastocal::measurement::read_measured;
 use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::{PlanSize, Watch, random_plan};
+use elastocal::plan::search::{PlanSize, random_plan};
 use elastocal::scenario::Scenario;
 use serde_json::Value;
 
-use crate::support::{Workplace, absolute_scenario_text, scenario, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_has, list, number, scenario, scenario_text, unwatched,
+};
 
 /// What grows with the distance matters beside the rest.
 const RANGE: &str = "\n[[uncertainty]]\nkind = \"tracker_range\"\nstd_um_per_m = 60\n";
@@ -26,7 +26,7 @@ fn text(more: &str) -> String {
 
 fn loaded(place: &Workplace, more: &str) -> Scenario {
     place.write("s.toml", text(more));
-    Scenario::load(&place.path("s.toml")).expect("valid")
+    place.scenario("s.toml")
 }
 
 /// Random rows without a load, from one station, or from nobody knows where.
@@ -98,11 +98,7 @@ fn the_best_of_all_plans_from_all_stations_is_found() {
         all < planning.offer.offered && planning.offer.offered == 18,
         "{all}"
     );
-    let stop = AtomicBool::new(false);
-    let watch = Watch {
-        stop: &stop,
-        progress: &|_, _, _| {},
-    };
+    let watch = unwatched();
     let found = planning
         .design_from(&[], PlanSize::all_different(READINGS), 1, watch)
         .expect("a plan");
@@ -158,7 +154,7 @@ fn each_station_has_its_own_sight() {
     let seen = text(&more).replace("[region]", "[region]\nline_of_sight = true");
     // Stations are enough: the model's tracker site is not needed.
     place.write("s.toml", seen.replace("tracker_site = \"tracker\"\n", ""));
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let scenario = place.scenario("s.toml");
     let planning = planning(&scenario, &rows(30, None));
     let from = |name: &str| {
         let is_from = |each: &&Candidate| each.station.as_deref() == Some(name);
@@ -167,10 +163,8 @@ fn each_station_has_its_own_sight() {
     assert_eq!(from("behind"), 0);
     assert!(from("before") > 10, "{}", from("before"));
     let words = reasons(&planning);
-    assert!(
-        words.contains("for line of sight") && words.contains("blocked by wall"),
-        "{words}"
-    );
+    assert_has(&words, "for line of sight");
+    assert_has(&words, "blocked by wall");
 
     let limits = "range_min_mm = 2500\nrange_max_mm = 3500\nincidence_max_deg = 40";
     let scenario = loaded(&place, &station("door", [-3000.0, 0.0, 1500.0], limits));
@@ -208,7 +202,7 @@ fn what_is_read_must_be_seen() {
         "range_max_mm = 2000",
     ));
     place.write("s.toml", text + far);
-    let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+    let scenario = place.scenario("s.toml");
     let of = |target: &str| {
         let mut rows = rows(60, None);
         for row in &mut rows {
@@ -258,23 +252,19 @@ fn commands_choose_the_station() {
     let planned = place.json(plan);
     assert_eq!(planned["candidates"]["offered"], 40);
     assert_eq!(planned["frame"], "near");
-    let readings = planned["plan"].as_array().expect("readings");
+    let readings = list(&planned["plan"]);
     let is_near = |each: &Value| each["station"] == "near";
     assert!(readings.iter().all(is_near), "{readings:?}");
     let again = place.json("evaluate s.toml --parameters frames --plan p.csv --candidates c.csv");
-    let [one, other] =
-        [&planned, &again].map(|json| json["rho0_mm"].as_f64().expect("a prediction"));
+    let [one, other] = [&planned, &again].map(|json| number(&json["rho0_mm"]));
     assert!((one / other - 1.0).abs() < 1e-6, "{one} {other}");
 
     let evaluate = "evaluate s.toml --parameters frames --plan c.csv --quiet";
     place
-        .run(evaluate)
-        .ends_with(1)
+        .refused(evaluate)
         .says("line 2: station: is missing; the scenario has near, far");
     place.write("w.csv", csv(&rows(20, Some("fare")), true));
-    let wrong = place
-        .run("plan s.toml --candidates w.csv --quiet")
-        .ends_with(1);
+    let wrong = place.refused("plan s.toml --candidates w.csv --quiet");
     let wrong = wrong.says("line 2: station: found \"fare\"; the scenario has near, far");
     wrong.says("did you mean \"far\"?");
     // The one station that there is needs no word.
@@ -346,12 +336,7 @@ fn wrong_stations_are_told() {
         ),
     ] {
         place.write("s.toml", text);
-        let outcome = place.run("check s.toml --quiet").ends_with(1);
-        assert!(
-            outcome.stderr.contains(words),
-            "{words}: {}",
-            outcome.stderr
-        );
+        place.refused("check s.toml --quiet").says(words);
     }
 }
 
@@ -394,9 +379,7 @@ fn a_station_stands_where_it_stands_whatever_else_is_read() {
         let read = |rows: &[&str]| -> Vec<String> {
             let rows: String = rows.iter().map(|each| row(each)).collect();
             place.write("plan.csv", header.to_owned() + &rows);
-            place
-                .run("measure s.toml --plan plan.csv --measurements-out m.csv --quiet")
-                .ends_with(0);
+            place.done("measure s.toml --plan plan.csv --measurements-out m.csv --quiet");
             place.read("m.csv").lines().map(str::to_owned).collect()
         };
         let of = |lines: &[String], station: &str| -> Vec<f64> {

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::model_selection::{read_of, waves};
 use crate::one_fit::{Campaign, normal, read, seen_arm, ur10, workplace};
-use crate::support::{Workplace, number, numbers};
+use crate::support::{Workplace, list, number, numbers};
 
 /// Readings of a robot whose gears are not round, before and after its base was moved along and about its own axes.
 fn not_round(moved: &Isometry3<f64>) -> [Vec<AbsoluteReading>; 2] {
@@ -59,7 +59,7 @@ fn a_moved_station_is_told_with_how_far() {
         // A tenth of what gears leave of a single reading.
         assert_moved(found, &moved, 0.1);
         let was_moved = moved != Isometry3::identity();
-        let probability = found["probability"].as_f64().expect("a number");
+        let probability = number(&found["probability"]);
         assert_eq!(probability < 1e-6, was_moved, "{probability}");
         assert_eq!(outcome.stderr.contains("condition C0303: "), was_moved);
     }
@@ -86,12 +86,7 @@ fn regions_that_do_not_cover_are_named() {
 fn of_two_stations_the_moved_one_is_named() {
     let mut random = generator(42, 0);
     let mut arm = seen_arm(&mut random, &ur10(), 2, 1);
-    let campaign = Campaign {
-        readings: 60,
-        is_pose: true,
-        noise: 1.0,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::poses(60, 1.0);
     let place = identified(&read(&mut random, &arm, &campaign));
     arm.instrument_from_base[1] *= moves();
     let after = read(&mut random, &arm, &campaign);
@@ -112,18 +107,13 @@ fn of_two_stations_the_moved_one_is_named() {
 fn frames_go_with_a_compliance_that_is_held() {
     let mut random = generator(44, 0);
     let arm = seen_arm(&mut random, &ur10(), 1, 1);
-    let campaign = Campaign {
-        readings: 60,
-        is_pose: true,
-        noise: 1.0,
-        force_n: 100.0,
-    };
+    let campaign = Campaign::poses(60, 1.0).under(100.0);
     let place = workplace(&read(&mut random, &arm, &campaign));
     place.run("identify s.toml --quiet --measurements m.csv --parameters compliances --identified-out i.json");
     let others = read(&mut random, &arm, &campaign);
     place.write("other.csv", absolute_table(&6.into(), &others));
-    let found: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
-    let unknowns = found["unknowns"].as_array().expect("a list");
+    let found = place.parsed("i.json");
+    let unknowns = list(&found["unknowns"]);
     let place_of = |name: &str| unknowns.iter().position(|each| each["name"] == name);
     let elbow = place_of("elbow.compliance").expect("identified");
     let covariance = |row: usize| number(&found["covariance"][row][elbow]);
@@ -161,7 +151,7 @@ fn frames_go_with_a_compliance_that_is_held() {
         let outcome =
             place.run("validate --quiet --identified w.json --measurements other.csv --json");
         let json = outcome.json();
-        let all: Vec<Value> = json["residuals_mm"].as_array().expect("a list").clone();
+        let all: Vec<Value> = list(&json["residuals_mm"]).clone();
         all.iter().flat_map(numbers).collect::<Vec<f64>>()
     };
     let nominal = left(number(&unknowns[elbow]["nominal"]));
@@ -176,12 +166,12 @@ fn wrong_entries_of_what_is_unexplained_are_told() {
     let [before, after] = not_round(&Isometry3::identity());
     let place = identified(&before);
     place.write("other.csv", absolute_table(&6.into(), &after));
-    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let right = place.parsed("i.json");
     let joint = "/discrepancy_model/joints/0";
     let first = &right["discrepancy_model"]["joints"][0];
     let mut knots = first["knots"].clone();
     knots[1] = knots[0].clone();
-    let mut values = first["values"].as_array().expect("a list").clone();
+    let mut values = list(&first["values"]).clone();
     values.pop();
     let second = right["discrepancy_model"]["joints"][1]["joint"].clone();
     let mut triangle = right["discrepancy_model"]["covariance"].clone();
@@ -270,9 +260,7 @@ fn wrong_entries_of_what_is_unexplained_are_told() {
         let outcome = place.run("validate --quiet --identified w.json --measurements other.csv");
         outcome.ends_with(1).says(&format!("w.json: {expected}"));
     }
-    place
-        .run("validate --quiet --identified i.json --measurements other.csv")
-        .ends_with(0);
+    place.done("validate --quiet --identified i.json --measurements other.csv");
 }
 
 /// Whoever reads a file says the same of what is wrong with it: as the robot that is validated, and as what was known before.
@@ -285,7 +273,7 @@ fn every_reader_tells_the_same() {
         "p.toml",
         text.replacen("[robot]", "[robot]\nprior = \"w.json\"", 1),
     );
-    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let right = place.parsed("i.json");
     for (key, entry, expected) in [
         (
             "/unknowns/0/value",
@@ -322,7 +310,7 @@ fn every_reader_tells_the_same() {
             "compensate s.toml --quiet --identified w.json",
             "check p.toml --quiet",
         ] {
-            place.run(command).ends_with(1).says(&says);
+            place.refused(command).says(&says);
         }
     }
 }
@@ -333,7 +321,7 @@ fn wrong_entries_of_spreads_are_told() {
     let [before, after] = not_round(&Isometry3::identity());
     let place = identified(&before);
     place.write("other.csv", absolute_table(&6.into(), &after));
-    let right: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    let right = place.parsed("i.json");
     let validate = |stored: &Value| {
         place.write("w.json", stored.to_string());
         place.run("validate --quiet --identified w.json --measurements other.csv")

@@ -8,21 +8,20 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::recordings::{Message, read_mcap, rerun, rerun_program, rows};
-use crate::support::{Outcome, Workplace, project, scenario_text};
+use crate::support::{Outcome, Workplace, assert_has, scenario_text, shipped};
 
 /// Two plans that need no search: the paper's plan of 12 measurements and a random one each run.
 fn small() -> Workplace {
     let workplace = Workplace::new();
-    let file = project("scenarios/plans/klimchik2012_m12.csv");
+    let file = shipped("scenarios/plans/klimchik2012_m12.csv");
     let text = scenario_text("klimchik2012");
     let (text, _) = text.split_once("[study]").expect("it has a study");
     workplace.write(
         "s.toml",
         format!(
             "{text}[study]\ntrials = 5000\nexperiments = 12\n\
-             [[study.plan]]\nname = \"the paper's\"\nkind = \"file\"\nfile = \"{}\"\n\
-             [[study.plan]]\nname = \"random\"\nkind = \"random_each\"\n",
-            file.display()
+             [[study.plan]]\nname = \"the paper's\"\nkind = \"file\"\nfile = \"{file}\"\n\
+             [[study.plan]]\nname = \"random\"\nkind = \"random_each\"\n"
         ),
     );
     workplace
@@ -73,7 +72,7 @@ fn with(workplace: &Workplace, arguments: &str, variables: &[(&str, &str)]) -> O
 #[test]
 fn a_study_writes_recordings_that_others_can_read() {
     let workplace = small();
-    workplace.run("study s.toml").ends_with(0);
+    workplace.done("study s.toml");
     let result = results(&workplace, "out");
 
     let messages = messages(&workplace, "out");
@@ -130,9 +129,9 @@ fn a_study_writes_recordings_that_others_can_read() {
 fn snapshots_stay_few_and_do_not_depend_on_threads() {
     let workplace = small();
     let few = "study s.toml --quiet --trials 30000 --threads 1 --out few";
-    workplace.run(few).ends_with(0);
+    workplace.done(few);
     let more = "study s.toml --quiet --trials 300000 --out more";
-    workplace.run(more).ends_with(0);
+    workplace.done(more);
     let few = snapshots(&messages(&workplace, "few"));
     let more = snapshots(&messages(&workplace, "more"));
     assert_eq!(few.last(), Some(&30_000));
@@ -143,7 +142,7 @@ fn snapshots_stay_few_and_do_not_depend_on_threads() {
     assert!((20..=54).contains(&added), "{added}");
 
     let again = "study s.toml --quiet --trials 30000 --threads 2 --out again";
-    workplace.run(again).ends_with(0);
+    workplace.done(again);
     let bytes = |folder: &str| {
         let path = workplace.path(&format!("{folder}/s/study.mcap"));
         std::fs::read(path).expect("readable")
@@ -154,10 +153,8 @@ fn snapshots_stay_few_and_do_not_depend_on_threads() {
 #[test]
 fn the_stream_as_a_file_and_no_stream_give_the_same_results() {
     let workplace = small();
-    workplace.run("study s.toml --out plain").ends_with(0);
-    workplace
-        .run("study s.toml --out saved --rerun save=live.rrd")
-        .ends_with(0);
+    workplace.done("study s.toml --out plain");
+    workplace.done("study s.toml --out saved --rerun save=live.rrd");
     assert_eq!(results(&workplace, "plain"), results(&workplace, "saved"));
     let path = workplace.path("live.rrd");
     let saved = workplace.path("saved/s/study.rrd");
@@ -165,9 +162,7 @@ fn the_stream_as_a_file_and_no_stream_give_the_same_results() {
     rerun(&["rrd", "compare", "--unordered", saved], &path);
 
     // A part of a study has no folder for results, and can be shown all the same.
-    workplace
-        .run("study s.toml --shard 2/2 --tally-out part --rerun save=part.rrd")
-        .ends_with(0);
+    workplace.done("study s.toml --shard 2/2 --tally-out part --rerun save=part.rrd");
     let part = workplace.path("part.rrd");
     rerun(&["rrd", "verify"], &part);
     let table = rerun(&["rrd", "print", "-vvv", "--entity", "/text/table"], &part);
@@ -192,10 +187,10 @@ fn the_environment_does_not_switch_recordings_off() {
 fn an_interrupted_study_is_recorded_from_where_it_goes_on() {
     let workplace = small();
     let study = "study s.toml --resume tally";
-    workplace.run(study).ends_with(0);
+    workplace.done(study);
     let whole = results(&workplace, "out");
     // There is nothing left to do, and the recordings say what was found.
-    workplace.run(study).ends_with(0);
+    workplace.done(study);
     assert_eq!(results(&workplace, "out"), whole);
     assert_eq!(snapshots(&messages(&workplace, "out")), [5000]);
 }
@@ -204,7 +199,7 @@ fn an_interrupted_study_is_recorded_from_where_it_goes_on() {
 #[test]
 fn a_viewer_that_is_not_there_or_goes_away_costs_no_result() {
     let workplace = small();
-    workplace.run("study s.toml --out plain").ends_with(0);
+    workplace.done("study s.toml --out plain");
     let expected = results(&workplace, "plain");
     let listener = TcpListener::bind("127.0.0.1:0").expect("there is a free port");
     let port = listener.local_addr().expect("it is bound").port();
@@ -218,16 +213,16 @@ fn a_viewer_that_is_not_there_or_goes_away_costs_no_result() {
         let start = Instant::now();
         let connect = format!("--rerun connect=rerun+http://127.0.0.1:{port}/proxy");
         let study = format!("study s.toml --quiet --out live {connect}");
-        let outcome = workplace.run(&study).ends_with(0);
+        let outcome = workplace.done(&study);
         assert_eq!(outcome.stderr.matches("warning:").count(), 1, "{outcome:?}");
-        assert!(outcome.stderr.contains(problem), "{outcome:?}");
+        outcome.says(problem);
         assert!(start.elapsed() < Duration::from_secs(30));
         assert_eq!(results(&workplace, "live"), expected);
         std::fs::remove_dir_all(workplace.path("live")).expect("it was written");
     }
     let study = "study s.toml --quiet --out live --rerun spawn";
     let outcome = with(&workplace, study, &[("ELASTOCAL_RERUN", "nowhere/rerun")]).ends_with(0);
-    assert!(outcome.stderr.contains("hint: ELASTOCAL_RERUN must name"));
+    outcome.says("hint: ELASTOCAL_RERUN must name");
     assert_eq!(results(&workplace, "live"), expected);
 }
 
@@ -296,7 +291,7 @@ fn a_viewer_receives_all_while_the_study_runs() {
     let file = workplace.path("received.rrd");
     let receiver = Receiver::start(&file);
     let study = format!("study s.toml --quiet {}", receiver.option());
-    let outcome = workplace.run(&study).ends_with(0);
+    let outcome = workplace.done(&study);
     assert_eq!(outcome.stderr, "");
     eventually("all snapshots arrive", || {
         rows_so_far(&file, "/text/table") == 10 && rows_so_far(&file, "/world/force") == 38
@@ -308,9 +303,9 @@ fn a_viewer_receives_a_run() {
     let workplace = Workplace::new();
     let file = workplace.path("received.rrd");
     let receiver = Receiver::start(&file);
-    let scenario = project("scenarios/planar_3r.toml");
-    let run = format!("run {} --quiet {}", scenario.display(), receiver.option());
-    let outcome = workplace.run(&run).ends_with(0);
+    let scenario = shipped("scenarios/planar_3r.toml");
+    let run = format!("run {scenario} --quiet {}", receiver.option());
+    let outcome = workplace.done(&run);
     assert_eq!(outcome.stderr, "");
     let written = rows_so_far(&workplace.path("out/planar_3r/run.rrd"), "/world/force");
     assert!(written > 0);
@@ -342,10 +337,8 @@ fn the_folder_s_programs_are_not_run() {
             .output()
             .expect("the program starts");
         let said = String::from_utf8_lossy(&output.stderr);
-        assert!(
-            said.contains("not installed") && said.contains("pip install rerun-sdk"),
-            "{said}"
-        );
+        assert_has(&said, "not installed");
+        assert_has(&said, "pip install rerun-sdk");
         assert!(!place.path("opened").exists());
     }
 }

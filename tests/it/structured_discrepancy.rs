@@ -5,7 +5,7 @@ use elastocal::identification::{
 };
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::observation::{ObservationModel, ReadingKind, Setup};
+use elastocal::observation::{ObservationModel, ReadingKind};
 use elastocal::parameter::{Axis, ElasticArm, ParameterKind, ParameterSet};
 use elastocal::robot::Load;
 use elastocal::task::Belief;
@@ -14,7 +14,7 @@ use rand::Rng;
 use rayon::prelude::*;
 
 use crate::one_fit::{Campaign, SIGMA_M, between, normal, read, seen_arm, ur10};
-use crate::support::scenario;
+use crate::support::{scenario, setup};
 use crate::ur10_measured::{found, halves, series};
 
 const GEOMETRY: [ParameterGroup; 1] = [ParameterGroup::Geometry];
@@ -224,14 +224,7 @@ impl Wrong {
                 .map(|each| each.1 * (q[1] + q[2]).cos() * (1.0 + 0.5 * q[3].sin()))
                 .collect();
             let arm = set.apply(&self.arm, &bent);
-            let setup = Setup {
-                hangs_on: None,
-                commanded_rad: stands,
-                load: Load::NONE,
-                target: 0,
-                station: 0,
-                approach: None,
-            };
+            let setup = setup(stands, Load::NONE, 0);
             let mut model = ObservationModel::new(&nothing, &arm, &[]);
             let seen = (model.predict(&setup, ReadingKind::Pose, &mut ignored)).expect("stable");
             let is_far = self.long_tailed_m > 0.0 && between(random, 0.0, 1.0) < 0.1;
@@ -261,12 +254,7 @@ fn regions_hold_on_robots_that_their_model_does_not_know() {
                 let scenario = ur10();
                 let belief = &scenario.task.belief;
                 let wrong = Wrong::new(&mut random, gear_rad, bend_rad);
-                let mut campaign = Campaign {
-                    readings: 250,
-                    is_pose,
-                    noise: 0.0,
-                    force_n: 0.0,
-                };
+                let mut campaign = Campaign::new(250, is_pose, 0.0);
                 let fit = fitted(belief, &GEOMETRY, &wrong.read(&mut random, &campaign));
                 campaign.readings = 1500;
                 let other = wrong.read(&mut random, &campaign);
@@ -306,12 +294,7 @@ fn regions_hold_whatever_law_errors_follow() {
                 let mut wrong = Wrong::new(&mut random, 0.0, bend_rad);
                 wrong.friction_rad = friction_rad;
                 wrong.long_tailed_m = long_tailed_m;
-                let mut campaign = Campaign {
-                    readings,
-                    is_pose: false,
-                    noise: 0.0,
-                    force_n: 0.0,
-                };
+                let mut campaign = Campaign::positions(readings, 0.0);
                 let fit = fitted(belief, &GEOMETRY, &wrong.read(&mut random, &campaign));
                 campaign.readings = 500;
                 let other = wrong.read(&mut random, &campaign);
@@ -340,12 +323,7 @@ fn wrong_readings_are_left_out_and_named() {
         let is_modelled = seed % 2 == 0;
         let gear_rad = if is_modelled { 0.0 } else { 1e-4 };
         let robot = Wrong::new(&mut random, gear_rad, 0.0);
-        let campaign = Campaign {
-            readings: 160,
-            is_pose: seed < 3,
-            noise: 1.0,
-            force_n: 0.0,
-        };
+        let campaign = Campaign::new(160, seed < 3, 1.0);
         let right = robot.read(&mut random, &campaign);
         let mut readings = right.clone();
         let side = Vector3::new(0.6, -0.5, 0.6).normalize();
@@ -384,12 +362,7 @@ fn what_a_fit_uses_up_is_no_explanation() {
     const ROBOTS: u64 = 48;
     const NOISE: f64 = 12.0;
     let scenario = ur10();
-    let campaign = Campaign {
-        readings: 20,
-        is_pose: false,
-        noise: NOISE,
-        force_n: 0.0,
-    };
+    let campaign = Campaign::positions(20, NOISE);
     let shares: Vec<f64> = (0..ROBOTS)
         .into_par_iter()
         .map(|robot| {

@@ -13,7 +13,10 @@ use elastocal::study::{Entry, Level, Setting, StudyError, TakenPlan, repeated};
 use elastocal::task::Method;
 use serde_json::{Value, json};
 
-use crate::support::{Workplace, number, numbers, scenario, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike_in, assert_has, number, numbers, scenario, scenario_text, shipped,
+    table4,
+};
 
 /// The paper's plans, repeated to so many measurements.
 fn paper_plans(sizes: &[u32], experiments: u32) -> Vec<Entry<'static>> {
@@ -172,29 +175,21 @@ fn a_replay_is_the_run_of_the_study() {
     workplace.write("s.toml", with_study(&SMALL.replacen("[study]", spread, 1)));
     let study = workplace.run("study s.toml --level robot --trials 1 --json --quiet");
     let study = study.ends_with(0).json();
-    let replay = workplace
-        .run("replay s.toml --run 0 --json --quiet")
-        .ends_with(0)
-        .json();
+    let replay = workplace.json("replay s.toml --run 0");
     for (one, other) in (study["plans"].as_array().expect("an array").iter())
         .zip(replay["plans"].as_array().expect("an array"))
     {
         assert_eq!(one["name"], other["name"]);
-        let mean = one["mean_mm"].as_f64().expect("a number");
-        let seen = other["test_poses"][0]["residual_mm"]
-            .as_f64()
-            .expect("a number");
+        let mean = number(&one["mean_mm"]);
+        let seen = number(&other["test_poses"][0]["residual_mm"]);
         assert!((mean / seen - 1.0).abs() < 1e-9, "{mean}, {seen}");
     }
     for ending in ["json", "rrd", "mcap"] {
         assert!(workplace.path(&format!("out/s/replay_0.{ending}")).exists());
     }
-    let other = workplace
-        .run("replay s.toml --run 1 --json --quiet")
-        .ends_with(0)
-        .json();
+    let other = workplace.json("replay s.toml --run 1");
     assert_ne!(other["plans"], replay["plans"]);
-    workplace.run("replay s.toml").ends_with(2);
+    workplace.misused("replay s.toml");
     // Of a sweep it says which conditions are shown, and which are not.
     let swept = "[study]\nsweep = { sigma_mm = [0.05, 0.03] }";
     workplace.write("s.toml", with_study(&SMALL.replacen("[study]", swept, 1)));
@@ -221,8 +216,7 @@ fn a_replay_has_the_conditions_of_its_fits() {
     let fitted = replay["plans"][0]["identification"]["conditions"].as_array();
     let said = replay["conditions"].as_array();
     assert_eq!(said.map(Vec::len), fitted.map(Vec::len));
-    let written: Value =
-        serde_json::from_str(&workplace.read("out/s/replay_0.json")).expect("JSON");
+    let written = workplace.parsed("out/s/replay_0.json");
     assert_eq!(written["conditions"], replay["conditions"]);
 }
 
@@ -233,13 +227,10 @@ fn a_run_is_measured_as_its_replay_measures() {
     let study = "[study]\ntrials = 3\nexperiments = 3\ncompliance_spread = 0.1\n\n\
                  [[study.plan]]\nname = \"one\"\nkind = \"file\"\nfile = \"plans/klimchik2012_m3.csv\"\n";
     workplace.write("s.toml", with_study(study));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     let measured = |options: &str| {
-        let command = format!(
-            "measure s.toml --plan {} --json --quiet {options}",
-            plan.display()
-        );
-        workplace.run(&command).ends_with(0).json()
+        let command = format!("measure s.toml --plan {plan} --json --quiet {options}");
+        workplace.done(&command).json()
     };
     for run in [0, 5] {
         let replay = workplace.run(&format!("replay s.toml --run {run} --json --quiet"));
@@ -314,10 +305,7 @@ fn true_compliances_may_vary() {
         let noise = fixed[0].sum(Sum::Expected) / 2000.0;
         let seen = tally.sum(Sum::Square) / trials as f64;
         let predicted = tally.sum(Sum::Expected) / trials as f64;
-        assert!(
-            (seen / (noise + bias_square) - 1.0).abs() < tolerance,
-            "{level:?}: {seen}"
-        );
+        assert_alike_in(&level, seen, noise + bias_square, tolerance);
         assert!((predicted / (noise + bias_square) - 1.0).abs() < tolerance);
         // At the robot's level eq. 15's second order counts too.
         assert!(
@@ -414,15 +402,14 @@ fn with_study(study: &str) -> String {
 
 #[test]
 fn the_command_prints_and_writes_its_results() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", with_study(SMALL));
+    let workplace = Workplace::with("s.toml", with_study(SMALL));
     let study = |options: &str| {
         let outcome = workplace.run(&format!("study s.toml --json --quiet {options}"));
         outcome.ends_with(0).json()
     };
     let json = study("--threads 1");
     assert_eq!(json["conditions"], json!([]));
-    let written: Value = serde_json::from_str(&workplace.read("out/s/study.json")).expect("JSON");
+    let written = workplace.parsed("out/s/study.json");
     assert_eq!(json, written);
     assert_eq!(json["trials"], 3000);
     assert_eq!(json["level"], "model");
@@ -435,19 +422,16 @@ fn the_command_prints_and_writes_its_results() {
         let [low, high] = numbers(&plan["mean_ci95_mm"])[..] else {
             panic!("{plan}");
         };
-        let mean = plan["mean_mm"].as_f64().expect("a number");
+        let mean = number(&plan["mean_mm"]);
         assert!(low < mean && mean < high && plan["failed"] == 0);
-        assert!(plan["z"].as_f64().expect("a number").abs() < 4.0);
+        assert!(number(&plan["z"]).abs() < 4.0);
         assert!(plan["rms_mm"].as_f64() > plan["mean_mm"].as_f64());
         assert!(plan["predicted_rms_mm"].is_number() && plan["nees"].is_number());
     }
     assert!(plans[2]["mean_ratio_to_random"].as_f64() < Some(1.0));
     let csv = workplace.read("out/s/study.csv");
     assert_eq!(csv.lines().count(), 4);
-    assert!(
-        csv.contains("\n\"'=paper, of \"\"three\"\"\",6,0.03,1,3000,0,"),
-        "{csv}"
-    );
+    assert_has(&csv, "\n\"'=paper, of \"\"three\"\"\",6,0.03,1,3000,0,");
     assert_eq!(study("--threads 2")["plans"], json["plans"]);
     assert_ne!(study("--seed 2")["plans"], json["plans"]);
     let robot = study("--level robot --trials 20");
@@ -455,12 +439,10 @@ fn the_command_prints_and_writes_its_results() {
         (&robot["level"], &robot["trials"]),
         (&"robot".into(), &20.into())
     );
-    let text = workplace.run("study s.toml").ends_with(0).stdout;
+    let text = workplace.done("study s.toml");
     let words = "Against a random plan: ";
-    assert!(
-        text.contains(words) && text.contains(" times as accurate. 95 % interval: "),
-        "{text}"
-    );
+    text.prints(words);
+    text.prints(" times as accurate. 95 % interval: ");
 }
 
 /// All conditions of a sweep with all; a plan takes part where it fits, and the part under given
@@ -498,25 +480,17 @@ fn a_sweep_is_many_studies() {
         // The linear model: the error grows with sigma and with the inverse of the load.
         for (load, sigma, factor) in [(1.0, 0.06, 2.0), (0.5, 0.03, 2.0), (0.5, 0.06, 4.0)] {
             let other = find(name, 6, load, sigma);
-            let ratio = |key: &str| {
-                other[key].as_f64().expect("a number") / plan[key].as_f64().expect("a number")
-            };
+            let ratio = |key: &str| number(&other[key]) / number(&plan[key]);
             assert!((ratio("mean_mm") / factor - 1.0).abs() < 1e-9, "{name}");
-            assert!(
-                (ratio("predicted_rms_mm") / factor - 1.0).abs() < 1e-9,
-                "{name}"
-            );
+            assert_alike_in(&name, ratio("predicted_rms_mm"), factor, 1e-9);
         }
     }
     let csv = workplace.read("out/sweep/study.csv");
     assert_eq!(csv.lines().count(), 21);
     assert!(csv.contains("\nbest,2,0.06,0.5,3000,0,"), "{csv}");
-    let text = workplace.run("study sweep.toml").ends_with(0);
-    assert!(
-        text.stderr.contains("20 plans under 8 conditions"),
-        "{text:#?}"
-    );
-    assert!(text.stdout.contains("load scale"), "{text:#?}");
+    let text = workplace.done("study sweep.toml");
+    text.says("20 plans under 8 conditions");
+    text.prints("load scale");
 }
 
 /// Where errors besides the noise count, a plan is designed for each sigma, in whatever order these are listed.
@@ -627,7 +601,7 @@ fn wrong_studies_give_one_clear_error() {
     let workplace = Workplace::new();
     let fails = |text: String, says: &[&str]| {
         workplace.write("bad.toml", text);
-        let outcome = workplace.run("study bad.toml --quiet").ends_with(1);
+        let outcome = workplace.refused("study bad.toml --quiet");
         let error = outcome.stderr.lines().next().unwrap_or_default();
         for part in says {
             assert!(error.contains(part), "{part:?} is missing: {error}");
@@ -644,41 +618,35 @@ fn wrong_studies_give_one_clear_error() {
         &["study.plan", "is empty"],
     );
     workplace.write("s.toml", with_study(SMALL));
-    workplace.run("study s.toml --trials 0").ends_with(2);
+    workplace.misused("study s.toml --trials 0");
 }
 
 /// Three shards joined in any order, and a study resumed, are the study made at once; files of
 /// other studies are refused with what differs.
 #[test]
 fn shards_and_resumption_change_no_bit() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", with_study(SMALL));
+    let workplace = Workplace::with("s.toml", with_study(SMALL));
     let study = "study s.toml --quiet --trials 9001";
-    workplace.run(study).ends_with(0);
+    workplace.done(study);
     let csv = workplace.read("out/s/study.csv");
     for shard in 1..=3 {
         let arguments = format!("{study} --shard {shard}/3 --tally-out {shard}.json");
-        workplace.run(&arguments).ends_with(0);
+        workplace.done(&arguments);
     }
     let merged = workplace.run("merge 3.json 1.json 2.json --json --out joined");
     assert_eq!(merged.ends_with(0).json()["trials"], 9001);
     assert_eq!(workplace.read("joined/s/study.csv"), csv);
 
-    workplace
-        .run(&format!("{study} --resume r.json --out one"))
-        .ends_with(0);
+    workplace.done(&format!("{study} --resume r.json --out one"));
     let finished = workplace.read("r.json");
-    workplace
-        .run(&format!("{study} --resume r.json --out two"))
-        .ends_with(0);
+    workplace.done(&format!("{study} --resume r.json --out two"));
     assert_eq!(workplace.read("r.json"), finished);
     for folder in ["one", "two"] {
         assert_eq!(workplace.read(&format!("{folder}/s/study.csv")), csv);
     }
 
     let fails = |arguments: &str, says: &str| {
-        let outcome = workplace.run(arguments).ends_with(1);
-        assert!(outcome.stderr.contains(says), "{outcome:#?}");
+        workplace.refused(arguments).says(says);
     };
     fails("merge 1.json 3.json", "number 2 is missing");
     fails("merge 1.json 1.json", "which another file is too");
@@ -690,20 +658,18 @@ fn shards_and_resumption_change_no_bit() {
     // Before a plan is designed, which would take long.
     let optimal = with_study(SMALL) + "\n[[study.plan]]\nname = \"o\"\nkind = \"optimal\"\n";
     workplace.write("o.toml", optimal);
-    let outcome = workplace.run("study o.toml --resume r.json").ends_with(1);
+    let outcome = workplace.refused("study o.toml --resume r.json");
     assert!(!outcome.stderr.contains("designing"), "{outcome:#?}");
     let few = "study s.toml --quiet --trials 10 --shard 3/3 --tally-out few.json";
-    let few = workplace.run(few).ends_with(0).stdout;
-    assert!(few.contains("no runs: 10 runs are fewer blocks"), "{few}");
+    let few = workplace.done(few);
+    few.prints("no runs: 10 runs are fewer blocks");
     let other = "study s.toml --quiet --trials 9002 --shard 2/3 --tally-out other.json";
-    workplace.run(other).ends_with(0);
+    workplace.done(other);
     fails(
         "merge 1.json other.json 3.json",
         "trials is 9002 there, 9001 here",
     );
-    workplace
-        .run(&format!("{study} --shard 4/3 --tally-out t.json"))
-        .ends_with(2);
+    workplace.misused(&format!("{study} --shard 4/3 --tally-out t.json"));
 }
 
 /// What was done before an interruption counts, and the rest is done.

@@ -25,9 +25,7 @@ fn tally(workplace: &Workplace) -> Value {
     let text = scenario_text("klimchik2012");
     let start = text.find("[study]").expect("is there");
     workplace.write("s.toml", text[..start].to_owned() + STUDY);
-    workplace
-        .run("study s.toml --quiet --shard 1/1 --tally-out t.json")
-        .ends_with(0);
+    workplace.done("study s.toml --quiet --shard 1/1 --tally-out t.json");
     serde_json::from_str(&workplace.read("t.json")).expect("JSON")
 }
 
@@ -41,7 +39,7 @@ fn at<'a>(json: &'a mut Value, path: &str) -> &'a mut Value {
 fn changed_tallies() {
     let workplace = Workplace::new();
     let good = tally(&workplace);
-    workplace.run("merge t.json").ends_with(0);
+    workplace.done("merge t.json");
     for (path, value, says) in [
         ("elastocal_tally", json!(6), "elastocal_tally: found 6"),
         ("sha256", json!("0"), "is not as it was written"),
@@ -69,11 +67,7 @@ fn changed_tallies() {
         assert!(error.to_string().contains(says), "{path}: {error}");
     }
     for command in ["merge bad.json", "study s.toml --quiet --resume bad.json"] {
-        let outcome = workplace.run(command).ends_with(1);
-        assert!(
-            outcome.stderr.contains("tallies[0].histogram"),
-            "{outcome:#?}"
-        );
+        workplace.refused(command).says("tallies[0].histogram");
     }
 }
 

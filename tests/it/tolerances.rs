@@ -3,7 +3,7 @@
 use elastocal::plan::Assessment;
 
 use crate::directions::{FORCE, pose};
-use crate::support::{Workplace, number, numbers, project, table4};
+use crate::support::{Workplace, assert_alike, number, numbers, project, shipped, table4};
 use crate::uncertainties::{entry, loaded, study, with};
 
 /// Along a direction the error is a normal number; in space it lies between one that is and three alike.
@@ -24,8 +24,7 @@ fn quantiles_follow_from_the_covariance() {
 /// Where nothing is predicted, no tolerance is.
 #[test]
 fn no_prediction_no_tolerance() {
-    let place = Workplace::new();
-    place.write("paper.toml", with("", "model", 64));
+    let place = Workplace::with("paper.toml", with("", "model", 64));
     let file = std::fs::read_to_string(project("scenarios/plans/klimchik2012_m4.csv"));
     let rows: Vec<String> = (file.expect("there"))
         .lines()
@@ -60,10 +59,7 @@ fn runs_keep_the_tolerance() {
         let plan = study(&text);
         let predicted = number(&plan["predicted_quantile95_mm"]);
         let seen = numbers(&plan["quantiles_mm"])[2];
-        assert!(
-            (seen / predicted - 1.0).abs() < room,
-            "{seen} against {predicted}"
-        );
+        assert_alike(seen, predicted, room);
         let judged = Assessment::new(&loaded(&text).task, &table4(4), None);
         let judged = judged.quantile95_m.expect("determined") * 1e3;
         assert!((predicted / judged - 1.0).abs() < 1e-8);
@@ -76,32 +72,18 @@ fn tolerances_are_printed_and_joined() {
     let place = Workplace::new();
     let list = entry(("load_scale", "std_relative = 0.01"), "");
     place.write("laboratory.toml", with(&list, "model", 9000));
-    let text = place
-        .run("study laboratory.toml --quiet")
-        .ends_with(0)
-        .stdout;
-    assert!(
-        text.contains("U = ") && text.contains("by Monte Carlo"),
-        "{text}"
-    );
+    let text = place.done("study laboratory.toml --quiet");
+    text.prints("U = ");
+    text.prints("by Monte Carlo");
     for shard in ["1", "2"] {
         let shard = format!("--shard {shard}/2 --tally-out {shard}.json");
-        place
-            .run(&format!("study laboratory.toml --quiet {shard}"))
-            .ends_with(0);
+        place.done(&format!("study laboratory.toml --quiet {shard}"));
     }
-    let once = place
-        .run("study laboratory.toml --json --quiet")
-        .ends_with(0)
-        .json();
-    let joined = place.run("merge 2.json 1.json --json").ends_with(0).json();
+    let once = place.json("study laboratory.toml");
+    let joined = place.done("merge 2.json 1.json --json").json();
     assert!(once["plans"][0]["predicted_quantile95_mm"].is_number());
     assert_eq!(once["plans"], joined["plans"]);
-    let plan = project("scenarios/plans/klimchik2012_m4.csv");
-    let evaluate = format!(
-        "evaluate laboratory.toml --plan {} --no-proof --quiet",
-        plan.display()
-    );
-    let text = place.run(&evaluate).ends_with(0).stdout;
-    assert!(text.contains("\n95 % stay below "), "{text}");
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
+    let evaluate = format!("evaluate laboratory.toml --plan {plan} --no-proof --quiet");
+    place.done(&evaluate).prints("\n95 % stay below ");
 }

@@ -5,7 +5,7 @@ use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use serde_json::Value;
 
-use crate::support::{Workplace, table4};
+use crate::support::{Workplace, assert_near_in, list, table4};
 use crate::uncertainties::{expected_mm, loaded, study, with};
 
 const LAWS: &str = "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_4\"]\nstiffens_at_mrad = 2\n\
@@ -51,11 +51,7 @@ fn joints_hold_by_their_laws() {
                 let held = torque * belief.nominal.compliance_rad_per_nm[joint];
                 // The joint's spring pulls back what the torque has turned.
                 let turned = angles[joint] - commanded[joint];
-                assert!(
-                    (law.held(turned) - held).abs() < 1e-10,
-                    "joint {joint}: {turned} holds {}, not {held}",
-                    law.held(turned)
-                );
+                assert_near_in(&joint, law.held(turned), held, 1e-10);
                 assert!((law.deflection(held) - turned).abs() < 1e-10);
             }
         }
@@ -84,17 +80,14 @@ fn laws_break_predictions_as_computed() {
         "[[true_robot.torque_law]]\njoints = [\"joint_2\", \"joint_3\"]\nstiffens_at_mrad = 10\n";
     for (level, trials, nonlinear) in [("model", 4096, 0.005), ("robot", 96, 0.05)] {
         let plan = study(&with(law, level, trials));
-        let contributions = plan["contributions"].as_array().expect("a list");
+        let contributions = list(&plan["contributions"]);
         let last = contributions.last().expect("a source");
         assert_eq!(last["source"], "torque_law");
         assert_eq!(last["hidden"], true);
         let expected = expected_mm(&plan);
         assert!(expected > 1.5 * number(&plan, "combined_rms_mm"), "{plan}");
         let room = 3.0 * number(&plan, "rms_std_mm") + nonlinear * expected;
-        assert!(
-            (number(&plan, "rms_mm") - expected).abs() < room,
-            "{level}, {expected}: {plan}"
-        );
+        assert_near_in(&level, number(&plan, "rms_mm"), expected, room);
         let verdict = plan["verdict"].as_str().expect("words");
         assert!(verdict.contains("torque_law"), "{verdict}");
     }
@@ -149,9 +142,8 @@ fn wrong_entries() {
             "joint_2 is rigid",
         ),
     ] {
-        let place = Workplace::new();
-        place.write("wrong.toml", with(&text, "model", 64));
-        let said = place.run("check wrong.toml").ends_with(1).stderr;
+        let place = Workplace::with("wrong.toml", with(&text, "model", 64));
+        let said = place.refused("check wrong.toml").stderr;
         assert!(said.contains(key) && said.contains(says), "{text}: {said}");
     }
 }

@@ -4,14 +4,13 @@ use std::collections::BTreeMap;
 
 use elastocal::mujoco::Model;
 use elastocal::robot::{KnownJoint, Load, TrueRobot, rotation_vector};
-use elastocal::scenario::Scenario;
 use elastocal::testbed::VirtualRobot;
 use nalgebra::{DVector, Vector3};
 
 use crate::judge::{Question, judge};
 use crate::random_models::{Features, random_model};
 use crate::robots::{Additions, iiwa, kr270, ur5e, ur10};
-use crate::support::{Workplace, scenario, table4};
+use crate::support::{Workplace, assert_near, force, scenario, table4};
 
 /// The two ways to the rest of a plain chain are one.
 #[test]
@@ -67,10 +66,7 @@ fn apart(workplace: &Workplace, case: &Case<'_>) -> Result<f64, String> {
     let q = DVector::from_column_slice(commanded);
     let mut most: f64 = 0.0;
     for force_n in [Vector3::zeros(), force_n] {
-        let load = Load {
-            force_n,
-            torque_nm: Vector3::zeros(),
-        };
+        let load = force(force_n);
         let found = virtual_robot.rest(&q, &load);
         let question = Question {
             site,
@@ -445,51 +441,40 @@ fn check_says_what_the_truth_honours_and_how_far_loops_give_way() {
         )
     };
     workplace.write("loop.toml", scenario("truth.xml"));
-    let checked = workplace.run("check loop.toml").ends_with(0);
+    let checked = workplace.done("check loop.toml");
     for part in [
         "equality/connect \"loop\": ties joints",
         "joint \"rod\"",
         "no actuator holds it",
         "equality/connect \"loop\" gives way by",
     ] {
-        assert!(checked.stdout.contains(part), "{part}: {checked:#?}");
+        checked.prints(part);
     }
-    assert!(
-        checked.stderr.contains("constraints are soft"),
-        "{checked:#?}"
-    );
-    let json = workplace.run("check loop.toml --json").ends_with(0).json();
+    checked.says("constraints are soft");
+    let json = workplace.done("check loop.toml --json").json();
     let distance = &json["true_robot"]["gives_way"][0]["distance_mm"];
     assert!(distance.as_f64().expect("a number") > 0.1);
     // The whole loop works with it, and says that the belief is too simple.
-    workplace
-        .run("run loop.toml --out out --quiet")
-        .ends_with(3);
+    workplace.doubted("run loop.toml --out out --quiet");
 
     // A truth with a joint less, and one that remembers.
     let (five, _) = ur10(&Additions::default());
     workplace.write("five.xml", five.replace("joint_6", "wrist"));
     workplace.write("five.toml", scenario("five.xml"));
     // As many joints in a plain chain: they are the belief's by their order.
-    workplace.run("check five.toml").ends_with(0);
+    workplace.done("check five.toml");
     let odd = ur10(&additions).0.replace("joint_6", "wrist");
     workplace.write("odd.xml", odd);
     workplace.write("odd.toml", scenario("odd.xml"));
-    let refused = workplace.run("check odd.toml").ends_with(1);
-    assert!(
-        refused.stderr.contains("no joint named \"joint_6\""),
-        "{refused:#?}"
-    );
+    let refused = workplace.refused("check odd.toml");
+    refused.says("no joint named \"joint_6\"");
     let filtered = ur10(&additions)
         .0
         .replace("kp=\"60000\"", "kp=\"60000\" timeconst=\"0.1\"");
     workplace.write("filtered.xml", filtered);
     workplace.write("filtered.toml", scenario("filtered.xml"));
-    let refused = workplace.run("check filtered.toml").ends_with(1);
-    assert!(
-        refused.stderr.contains("a state of its own"),
-        "{refused:#?}"
-    );
+    let refused = workplace.refused("check filtered.toml");
+    refused.says("a state of its own");
 }
 
 /// Actuators and dry friction that do not count do not in a virtual robot's own model, whatever it has of them: it is as compliant as the
@@ -507,8 +492,7 @@ fn ignored_actuators_hold_no_virtual_robot() {
     };
     let held = "<actuator><position joint=\"j1\" kp=\"2000\" forcerange=\"-9 9\"/><position joint=\"j2\" kp=\"500\"/></actuator>";
     let flap = "<body><inertial pos=\"0 0 0\" mass=\"1e-9\" diaginertia=\"1e-9 1e-9 1e-9\"/><joint name=\"flap\" stiffness=\"1\"/></body>";
-    let workplace = Workplace::new();
-    workplace.write("own.xml", arm("", "", ""));
+    let workplace = Workplace::with("own.xml", arm("", "", ""));
     let moved = |truth: &str| {
         let text = format!(
             "[robot]\nmodel = \"own.xml\"\nactuators = \"ignored\"\ncompliance_rad_per_nm = [1e-5, 2e-5]\n\
@@ -517,7 +501,7 @@ fn ignored_actuators_hold_no_virtual_robot() {
              [load]\nkind = \"fixed\"\nforce_n = [0, 0, -100]\n[design]\nexperiments = 2\n"
         );
         workplace.write("s.toml", text);
-        let scenario = Scenario::load(&workplace.path("s.toml")).expect("the scenario is valid");
+        let scenario = workplace.scenario("s.toml");
         let robot = VirtualRobot::new(&scenario.truth.robot, "tip");
         let pose = &scenario.task.test_poses[0];
         let moved = robot.map(|mut robot| {
@@ -541,9 +525,6 @@ fn ignored_actuators_hold_no_virtual_robot() {
         let apart = (moved(model) - nominal).norm();
         assert!(apart < 1e-9, "{joint} {more}: {apart:.1e} m");
         let twice = moved(&format!("{model}compliance_rad_per_nm = [2e-5, 4e-5]\n"));
-        assert!(
-            (twice.norm() / nominal.norm() - 2.0).abs() < 0.01,
-            "{twice}"
-        );
+        assert_near(twice.norm() / nominal.norm(), 2.0, 0.01);
     }
 }

@@ -5,7 +5,6 @@
 
 use elastocal::numeric::estimable::Estimable;
 use elastocal::numeric::random::normal::LANES;
-use elastocal::observation::Setup;
 use elastocal::parameter::{ParameterKind, ParameterSet};
 use elastocal::plan::posterior;
 use elastocal::robot::Load;
@@ -14,7 +13,9 @@ use elastocal::testbed::TrueRobots;
 use nalgebra::{DMatrix, DVector, Matrix6xX};
 use serde_json::Value;
 
-use crate::support::{Workplace, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike, assert_near_in, scenario_text, setup, shipped, table4,
+};
 
 /// Sizes that a laboratory would recognise, or larger so that they show; each alone.
 pub const SOURCES: [(&str, &str); 16] = [
@@ -51,12 +52,11 @@ pub fn with(uncertainties: &str, level: &str, trials: u32) -> String {
 pub fn repeated_in_study(repeats: u32, uncertainties: &str, level: &str, trials: u32) -> String {
     let text = scenario_text("klimchik2012");
     let (head, _) = text.split_once("[study]").expect("there is a study");
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
     format!(
         "{head}\n[study]\nexperiments = {}\ntrials = {trials}\nlevel = \"{level}\"\n[[study.plan]]\nkind = \"file\"\n\
-         name = \"2c\"\nfile = \"{}\"\n{uncertainties}",
-        4 * repeats,
-        plan.display()
+         name = \"2c\"\nfile = \"{plan}\"\n{uncertainties}",
+        4 * repeats
     )
 }
 
@@ -73,23 +73,27 @@ pub fn everything() -> String {
 }
 
 pub fn loaded(text: &str) -> Scenario {
-    let place = Workplace::new();
-    place.write("laboratory.toml", text);
-    Scenario::load(&place.path("laboratory.toml")).expect("the scenario is valid")
+    let place = Workplace::with("laboratory.toml", text);
+    place.scenario("laboratory.toml")
 }
 
-/// A wrong entry ends a command, which names it by its key and says what is the matter.
+/// A wrong entry ends a command, which names it by its key and says what is the matter. A key is of the first table, or begins with the
+/// table's number, or is that of all tables where it is empty.
 pub fn assert_refused(entry: &str, key: &str, says: &str) {
     let place = Workplace::new();
     let text = with(&format!("[[uncertainty]]\n{entry}\n"), "model", 64);
     place.write("wrong.toml", text);
-    let said = place.run("check wrong.toml").ends_with(1).stderr;
-    assert!(said.contains(key) && said.contains(says), "{said}");
+    let said = place.refused("check wrong.toml");
+    if key.is_empty() || key.starts_with('[') {
+        said.says(&format!("uncertainty{key}"));
+    } else {
+        said.says(&format!("uncertainty[0].{key}"));
+    }
+    said.says(says);
 }
 
 pub fn study(text: &str) -> Value {
-    let place = Workplace::new();
-    place.write("laboratory.toml", text);
+    let place = Workplace::with("laboratory.toml", text);
     let outcome = place.run("study laboratory.toml --json --quiet");
     let json = outcome.ends_with(0).json();
     json["plans"][0].clone()
@@ -99,10 +103,7 @@ pub fn assert_holds(plan: &Value, what: &str) {
     let number = |key: &str| plan[key].as_f64().expect("a number");
     let (rms, predicted) = (number("rms_mm"), number("combined_rms_mm"));
     let room = 3.0 * number("rms_std_mm") + 0.02 * predicted;
-    assert!(
-        (rms - predicted).abs() < room,
-        "{what}: {rms} against {predicted}"
-    );
+    assert_near_in(&what, rms, predicted, room);
     assert_eq!(plan["verdict"], "holds", "{what}");
 }
 
@@ -177,10 +178,7 @@ fn what_is_hidden_breaks_the_prediction() {
         let number = |key: &str| plan[key].as_f64().expect("a number");
         let expected = expected_mm(&plan);
         let room = 3.0 * number("rms_std_mm") + 0.03 * expected;
-        assert!(
-            (number("rms_mm") - expected).abs() < room,
-            "{source:?}: {plan}"
-        );
+        assert_near_in(&(source, &plan), number("rms_mm"), expected, room);
         let verdict = plan["verdict"].as_str().expect("words");
         assert!(
             verdict.starts_with("exceeded") && verdict.contains(source.0),
@@ -212,14 +210,7 @@ fn the_posterior_is_that_of_generalised_least_squares() {
     let mut first = extended.readings_of_all(precision);
     for (index, experiment) in plan.experiments.iter().enumerate() {
         assert_eq!(experiment.repeats, 1);
-        let setup = Setup {
-            hangs_on: None,
-            commanded_rad: experiment.configuration_rad.clone(),
-            load: experiment.load,
-            target: 0,
-            station: 0,
-            approach: None,
-        };
+        let setup = setup(experiment.configuration_rad.clone(), experiment.load, 0);
         let mut derivatives = Matrix6xX::zeros(size);
         let kind = elastocal::observation::ReadingKind::Deflection;
         model.predict_first_order(None, &setup, kind, &mut derivatives);
@@ -286,43 +277,35 @@ fn plans_minimise_the_whole() {
 /// it knows better.
 #[test]
 fn noise_alone_is_a_prediction_that_breaks() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "laboratory.toml",
         with(&entry(SOURCES[7], ""), "robot", 256),
     );
-    let study = workplace
-        .run("study laboratory.toml --noise-only --json --quiet")
-        .ends_with(0);
+    let study = workplace.done("study laboratory.toml --noise-only --json --quiet");
     let plan = study.json()["plans"][0].clone();
     let verdict = plan["verdict"].as_str().expect("words");
     assert!(
         verdict.starts_with("exceeded") && verdict.contains("load_scale"),
         "{verdict}"
     );
-    let file = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
-    let measure = format!(
-        "measure laboratory.toml --plan {} --measurements-out m.csv",
-        file.display()
-    );
-    workplace.run(&measure).ends_with(0);
+    let file = shipped("scenarios/plans/klimchik2012_m4.csv");
+    let measure = format!("measure laboratory.toml --plan {file} --measurements-out m.csv");
+    workplace.done(&measure);
     let identify = "identify laboratory.toml --measurements m.csv --sigma-from-residuals";
-    let refused = workplace.run(identify).ends_with(1);
-    assert!(refused.stderr.contains("uncertainty") && refused.stderr.contains("--noise-only"));
+    let refused = workplace.refused(identify);
+    refused.says("uncertainty");
+    refused.says("--noise-only");
     workplace.run(&format!("{identify} --noise-only --quiet"));
 }
 
 /// Where more measurements stop helping: what the whole plan shares stays.
 #[test]
 fn budgets_say_where_measurements_stop_helping() {
-    let workplace = Workplace::new();
-    workplace.write("laboratory.toml", with(&entry(SOURCES[7], ""), "model", 64));
+    let workplace = Workplace::with("laboratory.toml", with(&entry(SOURCES[7], ""), "model", 64));
     let budget = "budget laboratory.toml --accuracy-um 12 --up-to 4 --no-proof";
-    let text = workplace.run(budget).ends_with(0).stdout;
-    assert!(
-        text.contains("More measurements hardly help") && text.contains("10.3 um"),
-        "{text}"
-    );
+    let text = workplace.done(budget);
+    text.prints("More measurements hardly help");
+    text.prints("10.3 um");
     let json = workplace.run(&format!("{budget} --json")).json();
     for point in json["budget"].as_array().expect("points") {
         let shared = point["shared_rho0_mm"].as_f64().expect("a number");
@@ -375,8 +358,7 @@ fn identification_knows_of_uncertainties() {
     let list =
         entry(SOURCES[0], "name = \"axis 1\"") + &entry(SOURCES[7], "") + &entry(SOURCES[11], "");
     place.write("laboratory.toml", with(&list, "robot", 64));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
-    let plan = plan.to_string_lossy();
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
     let run = |arguments: &str| place.json(arguments);
     run(&format!(
         "measure laboratory.toml --plan {plan} --measurements-out m.csv"
@@ -402,10 +384,7 @@ fn identification_knows_of_uncertainties() {
     let compensated = run("compensate laboratory.toml --identified i.json");
     let found = compensated["rho0_mm"].as_f64().expect("a number");
     let expected = predicted["rho0_mm"].as_f64().expect("a number");
-    assert!(
-        (found / expected - 1.0).abs() < 0.02,
-        "{found} against {expected}"
-    );
+    assert_alike(found, expected, 0.02);
     // Without the list, the same file serves a belief in noise alone, which says that it is another one.
     let other =
         place.run("compensate laboratory.toml --identified i.json --noise-only --json --quiet");
@@ -423,74 +402,70 @@ fn wrong_entries() {
     for (text, key, says) in [
         (
             "kind = \"load_scale\"\nstd_relative = -0.01",
-            "uncertainty[0].std_relative",
+            "std_relative",
             "-0.01",
         ),
         (
             "kind = \"load_scale\"\nstd_mm = 1",
-            "uncertainty[0].std_mm",
+            "std_mm",
             "std_relative",
         ),
-        ("kind = \"load_scale\"", "uncertainty[0]", "std_relative"),
-        (
-            "kind = \"drift\"\nstd_um_per_h = -1",
-            "uncertainty[0].std_um_per_h",
-            "-1",
-        ),
+        ("kind = \"load_scale\"", "[0]", "std_relative"),
+        ("kind = \"drift\"\nstd_um_per_h = -1", "std_um_per_h", "-1"),
         (
             "kind = \"drift\"\nstd_mm = 1",
-            "uncertainty[0].std_mm",
+            "std_mm",
             "it has std_um_per_h",
         ),
         (
             "kind = \"drift\"\njoints = [\"joint_1\"]\nstd_um_per_h = 1",
-            "uncertainty[0].joints",
+            "joints",
             "a drift has no such key",
         ),
         (
             "kind = \"load_scal\"\nstd_relative = 1",
-            "uncertainty[0].kind",
+            "kind",
             "load_scale",
         ),
         (
             "kind = \"joint_zero\"\nstd_mm = 1",
-            "uncertainty[0].joints",
+            "joints",
             "no joint is left for a joint_zero",
         ),
         (
             "kind = \"joint_zero\"\njoints = [\"joint_9\"]\nstd_mrad = 1",
-            "uncertainty[0].joints",
+            "joints",
             "joint_1",
         ),
         (
             "kind = \"load_point\"\njoints = [\"joint_1\"]\nstd_mm = 1",
-            "uncertainty[0].joints",
+            "joints",
             "load_point",
         ),
         (
             "kind = \"tracker_range\"\nstd_um_per_m = 6",
-            "uncertainty[0].kind",
+            "kind",
             "tracker_site",
         ),
         (
             "kind = \"tracker_range\"\nalong_um_per_m = 0.3",
-            "uncertainty[0].std_um_per_m",
+            "std_um_per_m",
             "is missing",
         ),
         (
             "kind = \"tracker_range\"\nstd_um_per_m = 3\nalong_um_per_m = -1",
-            "uncertainty[0].along_um_per_m",
+            "along_um_per_m",
             "-1",
         ),
         (
             "kind = \"load_scale\"\nstd_relative = 0.01\n[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.02",
-            "uncertainty[1].name",
+            "[1].name",
             "twice",
         ),
         (
             "kind = \"load_scale\"\nstd_relative = 0.01\n[[uncertainty]]\nkind = \"load_scale\"\nname = \"b\"\n\
              std_relative = 0.02",
-            "uncertainty",
+            "",
             "load.scale is listed twice",
         ),
     ] {
@@ -502,27 +477,19 @@ fn wrong_entries() {
 #[test]
 fn threads_change_no_bit() {
     let text = with(&everything(), "robot", 256);
-    let place = Workplace::new();
-    place.write("laboratory.toml", &text);
+    let place = Workplace::with("laboratory.toml", &text);
     let run = |threads: u32| {
         let arguments = format!("study laboratory.toml --json --quiet --threads {threads}");
-        place.run(&arguments).ends_with(0).json()["plans"].clone()
+        place.done(&arguments).json()["plans"].clone()
     };
     let whole = run(1);
     assert_eq!(whole, run(3));
     // Shards, one of which is gone on with, come to the same.
-    let study = |arguments: &str| {
-        place
-            .run(&format!("study laboratory.toml --quiet {arguments}"))
-            .ends_with(0)
-    };
+    let study = |arguments: &str| place.done(&format!("study laboratory.toml --quiet {arguments}"));
     study("--shard 1/2 --tally-out one.json");
     study("--shard 2/2 --tally-out two.json --resume going.json");
     study("--shard 2/2 --tally-out two.json --resume going.json");
-    let merged = place
-        .run("merge one.json two.json --json --quiet")
-        .ends_with(0)
-        .json();
+    let merged = place.json("merge one.json two.json");
     assert_eq!(merged["plans"], whole);
 }
 

@@ -6,12 +6,13 @@ use elastocal::parameter::SourceLevel::{
 };
 use elastocal::plan::absolute::AbsolutePlanning;
 use elastocal::plan::{Assessment, Evaluation, UncertaintyBudget};
-use elastocal::scenario::Scenario;
 use elastocal::study::account::Account;
-use serde_json::Value;
 
 use crate::absolute_predictions::rows;
-use crate::support::{Workplace, absolute_scenario_text, number, scenario_text, table4};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike_in, assert_near_in, list, number,
+    scenario_text, shipped, table4,
+};
 use crate::uncertainties::{entry, everything, loaded, with};
 
 /// A kind of source with a size, and what a budget says of it: level, u(x) and unit.
@@ -131,19 +132,13 @@ fn lists(joint: &str) -> Vec<(String, Vec<Listed>)> {
 fn assert_adds_up(budget: &UncertaintyBudget, rho0_m: f64, listed: &[Listed]) {
     let combined_um = budget.combined_standard_uncertainty_um;
     let about = format!("{listed:?}: {budget:?}");
-    assert!(
-        (combined_um * 1e-6 / rho0_m - 1.0).abs() < 1e-6,
-        "{rho0_m}, {about}"
-    );
+    assert_near_in(&about, combined_um * 1e-6 / rho0_m, 1.0, 1e-6);
     let squares: f64 = budget
         .sources
         .iter()
         .map(|each| each.contribution_um.powi(2))
         .sum();
-    assert!(
-        (squares.sqrt() / combined_um - 1.0).abs() < 1e-12,
-        "{about}"
-    );
+    assert_alike_in(&about, squares.sqrt(), combined_um, 1e-12);
     let shares: f64 = budget
         .sources
         .iter()
@@ -200,7 +195,7 @@ fn contributions_to_absolute_places_add_up() {
     let place = Workplace::new();
     for (list, listed) in lists("wrist_1") {
         place.write("s.toml", absolute_scenario_text("ur10") + &list);
-        let scenario = Scenario::load(&place.path("s.toml")).expect("valid");
+        let scenario = place.scenario("s.toml");
         let rows = rows(&scenario, 16, None);
         let planning = AbsolutePlanning::new(&scenario.task, &[], &rows).expect("candidates");
         let plan = planning.whole();
@@ -249,22 +244,14 @@ fn the_coverage_factor_along_a_line_is_that_of_a_normal_number() {
 /// what JSON has.
 #[test]
 fn an_earlier_identification_is_of_type_a() {
-    let place = Workplace::new();
-    place.write("first.toml", scenario_text("klimchik2012"));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
-    let plan = plan.display();
-    place
-        .run(&format!(
-            "measure first.toml --plan {plan} --measurements-out m.csv"
-        ))
-        .ends_with(0);
-    place
-        .run("identify first.toml --measurements m.csv --identified-out known.json")
-        .ends_with(0);
-    let mut file: Value = serde_json::from_str(&place.read("known.json")).expect("JSON");
-    let taken_up: f64 = file["residuals"]
-        .as_array()
-        .expect("a list")
+    let place = Workplace::with("first.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
+    place.done(&format!(
+        "measure first.toml --plan {plan} --measurements-out m.csv"
+    ));
+    place.done("identify first.toml --measurements m.csv --identified-out known.json");
+    let mut file = place.parsed("known.json");
+    let taken_up: f64 = list(&file["residuals"])
         .iter()
         .map(|each| number(&each["leverage"]))
         .sum();

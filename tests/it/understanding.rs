@@ -3,7 +3,7 @@
 use elastocal::scenario::Scenario;
 use elastocal::understanding::Understanding;
 
-use crate::support::{Workplace, numbers, project, scenario, scenario_text};
+use crate::support::{Workplace, list, number, numbers, project, scenario, scenario_text};
 
 #[test]
 fn shipped_scenarios_are_plausible() {
@@ -26,9 +26,8 @@ fn shipped_scenarios_are_plausible() {
 /// The planar arm, whose numbers can be read in its file.
 #[test]
 fn the_robot_is_printed_as_it_was_understood() {
-    let workplace = Workplace::new();
-    workplace.write("my.toml", scenario_text("planar_3r"));
-    let outcome = workplace.run("check my.toml").ends_with(0);
+    let workplace = Workplace::with("my.toml", scenario_text("planar_3r"));
+    let outcome = workplace.done("check my.toml");
     println!("{}", outcome.stdout);
     for part in [
         "joint_2  -150.0 to 150.0              1.250e5                8.000e-6               9.0  identified",
@@ -38,13 +37,10 @@ fn the_robot_is_printed_as_it_was_understood() {
         "the task load by 0.332 mm (joint_",
         "\n\nmy.toml is valid\n",
     ] {
-        assert!(outcome.stdout.contains(part), "{part}: {}", outcome.stdout);
+        outcome.prints(part);
     }
-    let json = workplace
-        .run("check my.toml --json --quiet")
-        .ends_with(0)
-        .json();
-    let joints = json["robot"]["joints"].as_array().expect("joints");
+    let json = workplace.json("check my.toml");
+    let joints = list(&json["robot"]["joints"]);
     let masses: Vec<_> = joints
         .iter()
         .map(|joint| joint["moving_mass_kg"].as_f64())
@@ -65,7 +61,7 @@ fn the_robot_is_printed_as_it_was_understood() {
         "{found:?}"
     );
     assert_eq!(numbers(&pose["task_load_mm"]).len(), 3);
-    assert!(pose["own_weight_deg"].as_f64().expect("a number") > 0.0);
+    assert!(number(&pose["own_weight_deg"]) > 0.0);
     assert_eq!(json["warnings"], serde_json::json!([]));
 }
 
@@ -151,8 +147,7 @@ fn likely_mistakes_are_named() {
 /// A force in the tool's frame turns with the tool: of one joint its torque is F L however far that turns, by k F L.
 #[test]
 fn a_load_in_the_tools_frame_turns_with_the_tool() {
-    let workplace = Workplace::new();
-    workplace.write(
+    let workplace = Workplace::with(
         "arm.xml",
         r#"<mujoco><option gravity="0 0 0"/><worldbody><body><inertial pos="0.5 0 0" mass="1" diaginertia="1 1 1"/>
 <joint name="lift" axis="0 1 0" range="-90 90"/><site name="tool" pos="1 0 0"/></body></worldbody>
@@ -185,17 +180,16 @@ experiments = 2
     let outcome = workplace.run("check arm.toml");
     let moved_mm = 2000.0 * 0.05_f64.sin();
     let told = format!("the task load by {moved_mm:.3} mm (lift by 5.7296 deg)");
-    assert!(outcome.stdout.contains(&told), "{told}: {}", outcome.stdout);
+    outcome.prints(&told);
 }
 
 /// A robot on a wall whose model turns gravity: its direction is told, and the first load hangs along it.
 #[test]
 fn gravity_that_is_turned_is_told() {
     let model = std::fs::read_to_string(project("models/ur10.xml")).expect("a model");
-    let place = Workplace::new();
-    place.write("arm.xml", model.replace("0 0 -9.81", "9.81 0 0"));
-    let told = place.run("init arm.xml --scenario-out arm.toml").stdout;
-    assert!(told.contains("along (1.00, 0.00, 0.00)"), "{told}");
+    let place = Workplace::with("arm.xml", model.replace("0 0 -9.81", "9.81 0 0"));
+    let told = place.run("init arm.xml --scenario-out arm.toml");
+    told.prints("along (1.00, 0.00, 0.00)");
     let drafted = place.read("arm.toml");
     let load = drafted.split("wrenches = [").nth(1).expect("loads");
     let first = load.lines().nth(1).expect("a load");

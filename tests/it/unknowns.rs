@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, project, scenario_text};
+use crate::support::{Workplace, assert_alike, project, scenario_text};
 
 /// The paper's scenario with more unknowns, planned for twelve measurements.
 fn with(unknowns: &str, more: &str) -> String {
@@ -37,10 +37,7 @@ fn what_nobody_knows_is_found() {
     let unknowns = "\"joint_3.zero\"";
     let alone = with(unknowns, "").replace("plan.csv", &planned_elsewhere(&place));
     place.write("alone.toml", alone);
-    let planned = place
-        .run("plan alone.toml --experiments 12 --no-proof --plan-out plan.csv --json --quiet")
-        .ends_with(0)
-        .json();
+    let planned = place.json("plan alone.toml --experiments 12 --no-proof --plan-out plan.csv");
     let further = &planned["further_std"][0];
     assert_eq!(
         (&further["name"], &further["unit"]),
@@ -50,10 +47,7 @@ fn what_nobody_knows_is_found() {
     assert!((1e-4..1e-1).contains(&predicted_std), "{planned}");
 
     place.write("truth.toml", with(unknowns, truth));
-    let studied = place
-        .run("study truth.toml --json --quiet")
-        .ends_with(0)
-        .json();
+    let studied = place.json("study truth.toml");
     let plan = &studied["plans"][0];
     let (rms, predicted) = (number(plan, "rms_mm"), number(plan, "combined_rms_mm"));
     let room = 3.0 * number(plan, "rms_std_mm") + 0.02 * predicted;
@@ -68,28 +62,17 @@ fn what_nobody_knows_is_found() {
     assert!(number(blind, "combined_rms_mm") < predicted, "{blind}");
 
     // What is written of it serves to compensate.
-    place
-        .run("measure truth.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
-    let identified = place
-        .run("identify truth.toml --measurements m.csv --identified-out i.json --json --quiet")
-        .ends_with(0)
-        .json();
+    place.done("measure truth.toml --plan plan.csv --measurements-out m.csv --quiet");
+    let identified = place.json("identify truth.toml --measurements m.csv --identified-out i.json");
     let found = &identified["uncertain"][0];
     assert_eq!(
         (&found["name"], &found["prior_std"]),
         (&"joint_3.zero".into(), &Value::Null)
     );
-    assert!(
-        (number(found, "std") / predicted_std - 1.0).abs() < 0.05,
-        "{found}"
-    );
+    assert_alike(number(found, "std"), predicted_std, 0.05);
     let compensated = place.run("compensate truth.toml --identified i.json --json --quiet");
     let rho0 = number(&compensated.ends_with(0).json(), "rho0_mm");
-    assert!(
-        (rho0 / predicted - 1.0).abs() < 0.05,
-        "{rho0} against {predicted}"
-    );
+    assert_alike(rho0, predicted, 0.05);
 }
 
 /// A plan of Table 4 for scenarios that only need one.
@@ -112,15 +95,13 @@ fn what_no_deflection_shows_is_named() {
     let says = "does not determine the base's position along x";
     let evaluated = place.run("evaluate more.toml --plan other.csv --no-proof --json --quiet");
     let evaluated = evaluated.ends_with(3);
-    assert!(evaluated.stderr.contains(says), "{}", evaluated.stderr);
+    evaluated.says(says);
     assert_eq!(evaluated.json()["further_std"][0]["std"], Value::Null);
     place.write("plain.toml", scenario_text("klimchik2012"));
     let plain = place.run("evaluate plain.toml --plan other.csv --no-proof --json --quiet");
     let (one, other) = (evaluated.json(), plain.ends_with(3).json());
     assert!((number(&one, "rho0_mm") / number(&other, "rho0_mm") - 1.0).abs() < 1e-9);
-    place
-        .run("measure more.toml --plan other.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
+    place.done("measure more.toml --plan other.csv --measurements-out m.csv --quiet");
     let identified =
         place.run("identify more.toml --measurements m.csv --identified-out i.json --json --quiet");
     let says = "do not determine the base's position along x";
@@ -137,15 +118,9 @@ fn products_need_a_prior() {
     let scenario =
         |more: &str| with("\"load.scale\"", more).replace("plan.csv", &planned_elsewhere(&place));
     place.write("product.toml", scenario(""));
-    let planned = place
-        .run("plan product.toml --experiments 6 --no-proof --quiet")
-        .ends_with(1);
-    assert!(
-        planned.stderr.contains("no feasible experiments determine")
-            && planned.stderr.contains("load.scale"),
-        "{}",
-        planned.stderr
-    );
+    let planned = place.refused("plan product.toml --experiments 6 --no-proof --quiet");
+    planned.says("no feasible experiments determine");
+    planned.says("load.scale");
     let known = scenario("[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.01\n");
     place.write("known.toml", known);
     let listed = scenario("[[uncertainty]]\nkind = \"load_scale\"\nstd_relative = 0.01\n")
@@ -176,25 +151,16 @@ fn wrong_names() {
             "wrong.toml",
             with(unknowns, "").replace("plan.csv", &planned_elsewhere(&place)),
         );
-        let outcome = place.run("check wrong.toml").ends_with(1);
-        assert!(
-            outcome.stderr.contains("robot.parameters") && outcome.stderr.contains(says),
-            "{}",
-            outcome.stderr
-        );
+        let outcome = place.refused("check wrong.toml");
+        outcome.says("robot.parameters");
+        outcome.says(says);
     }
     place.write(
         "d.toml",
         with("\"joint_3.zero\"", "").replace("plan.csv", &planned_elsewhere(&place)),
     );
-    let planned = place
-        .run("plan d.toml --experiments 6 --criterion d --no-proof --quiet")
-        .ends_with(1);
-    assert!(
-        planned.stderr.contains("compliances alone"),
-        "{}",
-        planned.stderr
-    );
+    let planned = place.refused("plan d.toml --experiments 6 --criterion d --no-proof --quiet");
+    planned.says("compliances alone");
 }
 
 /// Leaving uncertainties out leaves what is to be found.
@@ -226,13 +192,9 @@ fn too_few_readings_for_all_unknowns_are_written_and_read() {
     place.write("few.toml", with(unknowns, ""));
     let plan = std::fs::read_to_string(project("scenarios/plans/klimchik2012_m3.csv"));
     place.write("plan.csv", plan.expect("it is there"));
-    place
-        .run("measure few.toml --plan plan.csv --measurements-out m.csv --quiet")
-        .ends_with(0);
-    place
-        .run("identify few.toml --measurements m.csv --identified-out i.json --quiet")
-        .ends_with(3);
-    let found: Value = serde_json::from_str(&place.read("i.json")).expect("JSON");
+    place.done("measure few.toml --plan plan.csv --measurements-out m.csv --quiet");
+    place.doubted("identify few.toml --measurements m.csv --identified-out i.json --quiet");
+    let found = place.parsed("i.json");
     let hidden = found["undetermined_of_all"].as_array().expect("a list");
     assert_eq!(
         hidden.len(),

@@ -8,14 +8,13 @@ use std::path::PathBuf;
 use elastocal::identification::{AbsoluteCase, DistanceStatistics, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
-use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use elastocal::task::Belief;
 use nalgebra::{DVector, Matrix6, UnitQuaternion, Vector3};
 use rand::RngExt;
 use rayon::prelude::*;
 
-use crate::support::{UR10_JOINTS, project, scenario};
+use crate::support::{UR10_JOINTS, blank_reading, project, scenario};
 
 const HALVES: u64 = 20;
 /// The full model's fits take longest, and nothing is predicted of them.
@@ -61,10 +60,6 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
             configuration_rad: DVector::from_fn(6, |joint, _| {
                 number(&format!("{}_joint", UR10_JOINTS[joint]))
             }),
-            load: Load::NONE,
-            target: None,
-            station: None,
-            visit: None,
             position_m: three("", "") * 1e-3,
             rotation: Some(about(0) * about(1) * about(2)),
             covariance: Some(Matrix6::from_fn(|row, column| {
@@ -74,10 +69,8 @@ pub fn series(path: &PathBuf) -> Vec<AbsoluteReading> {
                     0.0
                 }
             })),
-            approach: None,
-            length: None,
-            time_s: None,
             temperature_c: Some(number("measurement_temperature")),
+            ..blank_reading()
         }
     });
     rows.collect()

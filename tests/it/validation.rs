@@ -8,20 +8,18 @@ use elastocal::testbed::TrueRobots;
 
 use serde_json::Value;
 
-use crate::support::{Workplace, numbers, scenario_text, table4};
+use crate::support::{
+    Workplace, assert_alike, assert_near_in, list, numbers, scenario_text, shipped, table4,
+};
 
 /// A robot that was identified from three measurements.
 fn identified() -> Workplace {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     workplace.run(&format!(
-        "measure s.toml --quiet --plan {} --measurements-out m.csv",
-        plan.display()
+        "measure s.toml --quiet --plan {plan} --measurements-out m.csv"
     ));
-    workplace
-        .run("identify --quiet --measurements m.csv --identified-out i.json")
-        .ends_with(0);
+    workplace.done("identify --quiet --measurements m.csv --identified-out i.json");
     workplace
 }
 
@@ -30,9 +28,7 @@ fn identified() -> Workplace {
 #[test]
 fn a_prediction_is_kept_or_not() {
     let workplace = identified();
-    workplace
-        .run("validate --quiet --identified i.json --experiments 4 --plan-out v.csv")
-        .ends_with(0);
+    workplace.done("validate --quiet --identified i.json --experiments 4 --plan-out v.csv");
     let judged = |scenario: &str, seed: u64| {
         workplace.run(&format!(
             "measure {scenario} --quiet --plan v.csv --seed {seed} --measurements-out vm.csv"
@@ -55,12 +51,7 @@ fn a_prediction_is_kept_or_not() {
         + "\n[true_robot]\ncompliance_rad_per_nm = [0.26e-6, 0.33e-6, 0.406e-6, 3.002e-6, 3.303e-6, 2.365e-6]\n";
     workplace.write("other.toml", other);
     let outcome = judged("other.toml", 7).ends_with(3);
-    assert!(
-        outcome
-            .stderr
-            .contains("condition C0301: the measurements differ from their prediction"),
-        "{outcome:#?}"
-    );
+    outcome.says("condition C0301: the measurements differ from their prediction");
 }
 
 /// What was fitted says nothing of a prediction, in whatever order its rows are and beside whatever others.
@@ -132,15 +123,12 @@ fn a_tolerance_with_a_guard_band_is_kept_or_not() {
     };
     let wide = judged("10000", 0);
     assert_eq!(wide["decision"], "accept");
-    let measurements = wide["measurements"].as_array().expect("a list");
+    let measurements = list(&wide["measurements"]);
     let number = |each: &Value, key: &str| each[key].as_f64().expect("a number");
     let mut largest_um: f64 = 0.0;
     for each in measurements {
         let expanded_um = number(each, "expanded_uncertainty_um");
-        assert!(
-            (expanded_um / (2.795_483_5 * 30.0) - 1.0).abs() < 1e-6,
-            "{expanded_um}"
-        );
+        assert_alike(expanded_um, 2.795_483_5 * 30.0, 1e-6);
         largest_um = largest_um.max(number(each, "distance_um"));
     }
     let edge_um = |times: f64| largest_um + times * 2.795_483_5 * 30.0;
@@ -169,23 +157,14 @@ fn validation_is_planned_where_the_prediction_is_weakest() {
         workplace.run(&format!(
             "measure s.toml --quiet --seed 2 --plan {plan} --measurements-out vm.csv"
         ));
-        let json = workplace
-            .run("validate --quiet s.toml --identified i.json --measurements vm.csv --json")
-            .ends_with(0)
-            .json();
-        let left: Vec<f64> = (json["measurements"]
-            .as_array()
-            .expect("measurements")
-            .iter())
-        .map(|each| each["residual_rms_mm"].as_f64().expect("a number"))
-        .collect();
+        let json = workplace.json("validate s.toml --identified i.json --measurements vm.csv");
+        let left: Vec<f64> = (list(&json["measurements"]).iter())
+            .map(|each| each["residual_rms_mm"].as_f64().expect("a number"))
+            .collect();
         left[0]
     };
-    let json = workplace
-        .run("validate --quiet --identified i.json --plan-out v.csv --json")
-        .ends_with(0)
-        .json();
-    let plan = json["plan"].as_array().expect("a plan");
+    let json = workplace.json("validate --identified i.json --plan-out v.csv");
+    let plan = list(&json["plan"]);
     assert_eq!(plan.len(), 3);
     assert_ne!(numbers(&plan[0]["q_deg"]), numbers(&plan[1]["q_deg"]));
     let own = crate::support::project("scenarios/plans/klimchik2012_m3.csv");
@@ -256,14 +235,11 @@ fn differences_are_as_large_as_predicted() {
         (gauge, of_gauge, 1.0),
     ] {
         workplace.write("s.toml", text);
-        let scenario = Scenario::load(&workplace.path("s.toml")).expect("a scenario");
+        let scenario = workplace.scenario("s.toml");
         for is_later in [false, true] {
             let mean = mean_square(&scenario, &plan, runs, is_later);
             let standard_error = (2.0_f64 / freedom / runs as f64).sqrt();
-            assert!(
-                (mean - 1.0).abs() < 4.0 * standard_error,
-                "{freedom} {is_later}: {mean}, standard error {standard_error}"
-            );
+            assert_near_in(&(freedom, is_later), mean, 1.0, 4.0 * standard_error);
         }
     }
 }
@@ -271,24 +247,22 @@ fn differences_are_as_large_as_predicted() {
 /// The commands with a laboratory's list of uncertainties, and with rotations.
 #[test]
 fn uncertainties_and_rotations_are_in_the_prediction() {
-    let workplace = Workplace::new();
-    workplace.write("u.toml", scenario_text("kr270_laboratory"));
+    let workplace = Workplace::with("u.toml", scenario_text("kr270_laboratory"));
     workplace.write(
         "r.toml",
         scenario_text("klimchik2012").replace("sigma_mm", "rotation_sigma_mrad = 0.02\nsigma_mm"),
     );
-    let plan = crate::support::project("scenarios/plans/klimchik2012_m4.csv");
+    let plan = shipped("scenarios/plans/klimchik2012_m4.csv");
     for (name, has_rotation) in [("u", false), ("r", true)] {
-        let run = |arguments: &str| workplace.run(&arguments.replace("NAME", name)).ends_with(0);
+        let run = |arguments: &str| workplace.done(&arguments.replace("NAME", name));
         run(&format!(
-            "measure NAME.toml --quiet --plan {} --measurements-out m.csv",
-            plan.display()
+            "measure NAME.toml --quiet --plan {plan} --measurements-out m.csv"
         ));
         run("identify --quiet --measurements m.csv --identified-out i.json");
         run("validate --quiet --identified i.json --plan-out v.csv");
         run("measure NAME.toml --quiet --seed 1 --plan v.csv --measurements-out vm.csv");
         let json = run("validate --quiet --identified i.json --measurements vm.csv --json").json();
-        for each in json["measurements"].as_array().expect("measurements") {
+        for each in list(&json["measurements"]) {
             let number = |key: &str| each[key].as_f64().expect("a number");
             assert!(number("residual_rms_mm") < number("predicted_rms_mm"));
             let turned = &each["rotation_difference_mrad"];
@@ -310,9 +284,7 @@ fn uncertainties_and_rotations_are_in_the_prediction() {
                 })
                 .collect();
             workplace.write("vm.csv", broken);
-            workplace
-                .run("validate --quiet --identified i.json --measurements vm.csv")
-                .ends_with(3);
+            workplace.doubted("validate --quiet --identified i.json --measurements vm.csv");
         }
     }
 }
@@ -320,8 +292,7 @@ fn uncertainties_and_rotations_are_in_the_prediction() {
 /// Nothing is predicted where compliances were not determined: such experiments are not planned, and refused by name.
 #[test]
 fn what_was_not_determined_is_not_validated() {
-    let workplace = Workplace::new();
-    workplace.write("s.toml", scenario_text("klimchik2012"));
+    let workplace = Workplace::with("s.toml", scenario_text("klimchik2012"));
     let plan = crate::support::project("scenarios/plans/klimchik2012_m2.csv");
     let row = |count: usize| -> String {
         let text = std::fs::read_to_string(&plan).expect("can be read");
@@ -332,26 +303,12 @@ fn what_was_not_determined_is_not_validated() {
     workplace.write("one.csv", row(1));
     workplace.write("two.csv", row(2));
     workplace.run("measure s.toml --quiet --plan one.csv --measurements-out m.csv");
-    workplace
-        .run("identify --quiet --measurements m.csv --identified-out i.json")
-        .ends_with(3);
+    workplace.doubted("identify --quiet --measurements m.csv --identified-out i.json");
     workplace.run("measure s.toml --quiet --plan two.csv --measurements-out vm.csv");
-    let outcome = workplace
-        .run("validate --quiet --identified i.json --measurements vm.csv")
-        .ends_with(1);
-    assert!(
-        outcome
-            .stderr
-            .contains(": what is predicted depends on compliances: "),
-        "{outcome:#?}"
-    );
-    let outcome = workplace
-        .run("validate --quiet --identified i.json")
-        .ends_with(1);
-    assert!(
-        outcome.stderr.contains("nothing is predicted"),
-        "{outcome:#?}"
-    );
+    let outcome = workplace.refused("validate --quiet --identified i.json --measurements vm.csv");
+    outcome.says(": what is predicted depends on compliances: ");
+    let outcome = workplace.refused("validate --quiet --identified i.json");
+    outcome.says("nothing is predicted");
 }
 
 /// A station that moved readings by less than the model leaves of each was not moved, however small the probability.

@@ -1,13 +1,11 @@
 //! Several targets that one visit reads: they share what is new at the visit, in predictions, bounds and virtual robots.
 
-use std::sync::atomic::AtomicBool;
-
 use elastocal::experiment::Candidate;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::AbsoluteReading;
 use elastocal::numeric::random::generator;
 use elastocal::plan::absolute::AbsolutePlanning;
-use elastocal::plan::search::{PlanSize, Watch, random_plan};
+use elastocal::plan::search::{PlanSize, random_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use nalgebra::Vector3;
@@ -17,7 +15,10 @@ use rayon::prelude::*;
 use crate::absolute_predictions::place;
 use crate::absolute_trials::holds;
 use crate::one_fit::normal;
-use crate::support::{Workplace, absolute_scenario_text, number};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_near, assert_near_in, blank_reading, list, number,
+    unwatched,
+};
 
 const GROUPS: [ParameterGroup; 1] = [ParameterGroup::Zeros];
 
@@ -44,9 +45,8 @@ std_mm = 0.05
 "#;
 
 fn load(text: &str) -> Scenario {
-    let place = Workplace::new();
-    place.write("s.toml", text);
-    Scenario::load(&place.path("s.toml")).expect("valid")
+    let place = Workplace::with("s.toml", text);
+    place.scenario("s.toml")
 }
 
 /// Readings of some targets in random configurations, without and with the scenario's load.
@@ -99,8 +99,7 @@ fn regions_count_poses_and_not_readings() {
     let text = absolute_scenario_text("ur10")
         + "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n\n[laboratory]\nloading = \"in_place\"\n";
     let scenario = load(&text);
-    let place = Workplace::new();
-    place.write("s.toml", &*text);
+    let place = Workplace::with("s.toml", &*text);
     let targets = ["reflector", "spindle"];
     let mut all = rows(&scenario, 140, &targets, &[false, true]);
     let others = all.split_off(4 * 40);
@@ -116,20 +115,14 @@ fn regions_count_poses_and_not_readings() {
         let mut low = 0;
         for seed in 1..=8 {
             let seed = format!("--seed {seed} --quiet");
-            place
-                .run(&format!(
-                    "measure s.toml --plan {name} --measurements-out m.csv {seed}"
-                ))
-                .ends_with(0);
-            place
-                .run(&format!(
-                    "measure s.toml --plan others.csv --measurements-out o.csv --series 1 {seed}"
-                ))
-                .ends_with(0);
+            place.done(&format!(
+                "measure s.toml --plan {name} --measurements-out m.csv {seed}"
+            ));
+            place.done(&format!(
+                "measure s.toml --plan others.csv --measurements-out o.csv --series 1 {seed}"
+            ));
             place.run("identify s.toml --measurements m.csv --parameters geometry --identified-out i.json --quiet");
-            let judged = place
-                .run("validate s.toml --identified i.json --measurements o.csv --json --quiet")
-                .json();
+            let judged = place.record("validate s.toml --identified i.json --measurements o.csv");
             let held = number(&judged["coverage95"]["positions"]);
             println!("{name} {held}");
             low += usize::from(held < 0.92);
@@ -146,15 +139,14 @@ fn listed_sources_weigh_what_agrees_with_them() {
         format!("\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = {std_mrad}\n")
     };
     let text = absolute_scenario_text("ur10") + "\n[laboratory]\nloading = \"in_place\"\n";
-    let place = Workplace::new();
-    place.write("true.toml", text.clone() + &source(0.1));
+    let place = Workplace::with("true.toml", text.clone() + &source(0.1));
     place.write("listed.toml", text.clone() + &source(0.1));
     place.write("less.toml", text.clone() + &source(0.02));
     let plan = rows(&load(&text), 16, &["reflector", "spindle"], &[false, true]);
     place.write("p.csv", table(&plan));
     for seed in 1..=8 {
         let measure = "measure true.toml --plan p.csv --measurements-out m.csv --quiet --seed";
-        place.run(&format!("{measure} {seed}")).ends_with(0);
+        place.done(&format!("{measure} {seed}"));
         for (scenario, agrees) in [("listed", true), ("less", false)] {
             let found = place.run(&format!(
                 "identify {scenario}.toml --measurements m.csv --parameters zeros --json --quiet"
@@ -184,10 +176,8 @@ fn tolerances_count_the_tracker_s_range() {
     );
     let most_um = ["noise", "range"].map(|scenario| {
         let measure = format!("measure {scenario}.toml --plan p.csv --quiet --measurements-out");
-        place.run(&format!("{measure} m.csv")).ends_with(0);
-        place
-            .run(&format!("{measure} o.csv --series 1"))
-            .ends_with(0);
+        place.done(&format!("{measure} m.csv"));
+        place.done(&format!("{measure} o.csv --series 1"));
         let identify = "--measurements m.csv --parameters frames --identified-out i.json --quiet";
         place.run(&format!("identify {scenario}.toml {identify}"));
         let validate = "--identified i.json --measurements o.csv --tolerance-um 500 --json --quiet";
@@ -200,10 +190,7 @@ fn tolerances_count_the_tracker_s_range() {
         each.fold(0.0, f64::max)
     });
     let [noise_um, range_um] = most_um;
-    assert!(
-        (noise_um - 2.7955 * 20.0 / 2.0_f64.sqrt()).abs() < 0.01,
-        "{most_um:?}"
-    );
+    assert_near_in(&most_um, noise_um, 2.7955 * 20.0 / 2.0_f64.sqrt(), 0.01);
     assert!(range_um > 2.0 * noise_um, "{most_um:?}");
 }
 
@@ -213,8 +200,7 @@ fn tolerances_count_the_tracker_s_range() {
 fn drift_is_told_by_visits_and_not_by_readings() {
     let text = absolute_scenario_text("ur10")
         + "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.1\n\n[laboratory]\nloading = \"in_place\"\n";
-    let place = Workplace::new();
-    place.write("s.toml", &*text);
+    let place = Workplace::with("s.toml", &*text);
     let mut plan = rows(&load(&text), 12, &["reflector", "spindle"], &[false, true]);
     for row in &mut plan {
         row.most = Some(5);
@@ -223,7 +209,7 @@ fn drift_is_told_by_visits_and_not_by_readings() {
     let mut low = 0;
     for seed in 1..=20 {
         let measure = "measure s.toml --plan p.csv --measurements-out m.csv --quiet --seed";
-        place.run(&format!("{measure} {seed}")).ends_with(0);
+        place.done(&format!("{measure} {seed}"));
         let identify = "identify s.toml --measurements m.csv --parameters frames --json --quiet";
         let repeats = &place.run(identify).json()["repeats"];
         assert_eq!(repeats["degrees_of_freedom"], 48, "{repeats}");
@@ -238,23 +224,20 @@ fn drift_is_told_by_visits_and_not_by_readings() {
 fn noise_alone_has_a_probability() {
     let text = absolute_scenario_text("ur10");
     let hidden = "\n[[uncertainty]]\nkind = \"joint_zero\"\nstd_mrad = 0.5\nhidden = true\n";
-    let place = Workplace::new();
-    place.write("s.toml", &*text);
+    let place = Workplace::with("s.toml", &*text);
     place.write("other.toml", text.clone() + hidden);
     let plan = table(&rows(&load(&text), 30, &["spindle"], &[false]));
     place.write("p.csv", plan);
     for (scenario, series) in [("s", 0), ("s", 1), ("other", 2)] {
         let to = format!("--series {series} --measurements-out m{series}.csv --quiet");
-        place
-            .run(&format!("measure {scenario}.toml --plan p.csv {to}"))
-            .ends_with(0);
+        place.done(&format!("measure {scenario}.toml --plan p.csv {to}"));
     }
     let identify = "--measurements m0.csv --parameters frames --identified-out i.json --quiet";
     place.run(&format!("identify s.toml {identify}"));
     let probability = |series: u32| {
         let validate = "validate s.toml --identified i.json --json --quiet --measurements";
         let json = place.run(&format!("{validate} m{series}.csv")).json();
-        let conditions = json["conditions"].as_array().expect("a list");
+        let conditions = list(&json["conditions"]);
         let is_broken = conditions.iter().any(|each| each["code"] == "C0301");
         (number(&json["probability"]), is_broken)
     };
@@ -271,8 +254,7 @@ fn stations_are_moved_by_visits_and_not_by_readings() {
     let text = absolute_scenario_text("ur10")
         + TWIN
         + "\n[[uncertainty]]\nkind = \"joint_repeatability\"\nstd_mrad = 0.2\n";
-    let place = Workplace::new();
-    place.write("s.toml", &*text);
+    let place = Workplace::with("s.toml", &*text);
     let targets = ["reflector", "spindle", "twin"];
     place.write("p.csv", table(&rows(&load(&text), 16, &targets, &[false])));
     let mut low = 0;
@@ -280,7 +262,7 @@ fn stations_are_moved_by_visits_and_not_by_readings() {
         for series in 0..2 {
             let measure = "measure s.toml --plan p.csv --quiet --seed";
             let to = format!("--series {series} --measurements-out m{series}.csv");
-            place.run(&format!("{measure} {seed} {to}")).ends_with(0);
+            place.done(&format!("{measure} {seed} {to}"));
         }
         let identify = "--measurements m0.csv --parameters frames --identified-out i.json --quiet";
         place.run(&format!("identify s.toml {identify}"));
@@ -312,10 +294,7 @@ fn a_second_target_at_one_place_adds_nothing() {
         })
         .collect();
     let twice = predicted(&scenario, &twice);
-    assert!(
-        (twice / alone - 0.5_f64.sqrt()).abs() < 2e-3,
-        "{twice} {alone}"
-    );
+    assert_near(twice / alone, 0.5_f64.sqrt(), 2e-3);
 }
 
 /// Robots that come to each configuration once and are read at three targets, and some of these more often: sampled at each level in
@@ -337,10 +316,7 @@ fn robots_read_at_several_targets_keep_what_is_predicted() {
     let judged =
         place.json("evaluate s.toml --parameters zeros,compliances --plan p.csv --trials 300");
     holds(&judged["trials"]);
-    let sources = judged["uncertainty_budget"]["sources"]
-        .as_array()
-        .expect("sources")
-        .clone();
+    let sources = list(&judged["uncertainty_budget"]["sources"]).clone();
     let shares: f64 = sources
         .iter()
         .map(|each| number(&each["variance_share_percent"]))
@@ -375,10 +351,10 @@ fn visits_are_chosen_together() {
         (&found["readings"], &found["chosen"]),
         (&180.into(), &"visits".into())
     );
-    for of_size in found["sizes"].as_array().expect("sizes") {
+    for of_size in list(&found["sizes"]) {
         let size = of_size["size"].as_u64().expect("a size");
-        for choice in of_size["planned"].as_array().expect("choices") {
-            let readings = choice["readings"].as_array().expect("readings");
+        for choice in list(&of_size["planned"]) {
+            let readings = list(&choice["readings"]);
             assert_eq!(readings.len() as u64, 3 * size);
             let kept = number(&choice["without_discrepancy_from_true_mm"]);
             let kept = kept / number(&choice["rho0_mm"]);
@@ -394,11 +370,7 @@ fn no_plan_of_several_targets_is_below_the_bound() {
         let scenario = load(&(absolute_scenario_text("ur10") + more));
         let rows = rows(&scenario, 8, &["spindle", "reflector"], &[false, true]);
         let planning = AbsolutePlanning::new(&scenario.task, &GROUPS, &rows).expect("candidates");
-        let stop = AtomicBool::new(false);
-        let watch = Watch {
-            stop: &stop,
-            progress: &|_, _, _| {},
-        };
+        let watch = unwatched();
         let found = planning
             .design_from(&[], PlanSize::all_different(10), 1, watch)
             .expect("a plan");
@@ -439,12 +411,7 @@ fn reading(row: &Candidate, visit: Option<&str>) -> AbsoluteReading {
         station: row.station.clone(),
         visit: visit.map(str::to_owned),
         position_m: Vector3::zeros(),
-        rotation: None,
-        covariance: None,
-        approach: None,
-        length: None,
-        time_s: None,
-        temperature_c: None,
+        ..blank_reading()
     }
 }
 

@@ -6,13 +6,15 @@ use std::fmt::Write;
 use elastocal::identification::{AbsoluteCase, ParameterGroup, ReadingWeights};
 use elastocal::measurement::{AbsoluteReading, absolute_table};
 use elastocal::numeric::random::generator;
-use elastocal::scenario::Scenario;
 use nalgebra::{UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 
 use crate::model_selection::{read_of, waves};
 use crate::one_fit::{between, normal, seen_arm, ur10, workplace};
-use crate::support::{Workplace, absolute_scenario_text, number, project, scenario_text};
+use crate::support::{
+    Workplace, absolute_scenario_text, assert_alike_in, list, number, project, scenario_text,
+    shipped,
+};
 
 /// Readings of a robot whose gears are not round, and the same with one in twenty wrong by 1 to 50 mm, all to one side; which
 /// (from 1).
@@ -45,9 +47,7 @@ fn model_selection_and_patterns_are_of_the_right_readings() {
     let command = "identify s.toml --quiet --model-selection --measurements";
     let with = place.run(&format!("{command} m.csv --json")).json();
     let without = place.run(&format!("{command} right.csv --json")).json();
-    let rejected = with["model_selection"]["rejected"]
-        .as_array()
-        .expect("a list");
+    let rejected = list(&with["model_selection"]["rejected"]);
     let numbers: Vec<&Value> = rejected.iter().map(|each| &each["reading"]).collect();
     assert_eq!(json!(numbers), json!(wrong));
     assert_eq!(with["patterns"]["without"], json!(wrong));
@@ -58,12 +58,7 @@ fn model_selection_and_patterns_are_of_the_right_readings() {
         let [one, other] = [one, other].map(|value| value.as_f64().expect("a number"));
         assert!((one / other - 1.0).abs() < 1e-3, "{one} {other}");
     };
-    let nested_models = |json: &Value| {
-        json["model_selection"]["nested_models"]
-            .as_array()
-            .expect("a list")
-            .clone()
-    };
+    let nested_models = |json: &Value| list(&json["model_selection"]["nested_models"]).clone();
     let both = [nested_models(&with), nested_models(&without)];
     assert_eq!(both[0].len(), both[1].len());
     for (one, other) in both[0].iter().zip(&both[1]) {
@@ -73,7 +68,7 @@ fn model_selection_and_patterns_are_of_the_right_readings() {
         alike(&judged(one), &judged(other));
     }
     let found = |json: &Value| -> Vec<Value> {
-        let all = json["patterns"]["found"].as_array().expect("a list").iter();
+        let all = list(&json["patterns"]["found"]).iter();
         all.map(|each| json!([each["against"], each["joint"], each["waves"]]))
             .collect()
     };
@@ -84,7 +79,7 @@ fn model_selection_and_patterns_are_of_the_right_readings() {
         "outliers of the largest model, left out of all: readings 8, 28, 48, 68, 88, 108",
         "without 6 rejected readings",
     ] {
-        assert!(outcome.stdout.contains(words), "{}", outcome.stdout);
+        outcome.prints(words);
     }
     // All are in the model selection that is asked to keep them.
     let all = place
@@ -105,14 +100,14 @@ fn wrong_readings_are_no_inconsistency() {
     place.write("other.csv", absolute_table(&6.into(), &readings));
     let command = "identify s.toml --quiet --parameters zeros --measurements m.csv --against other.csv --json";
     let json = place.run(command).json();
-    let series = json["inconsistencies"].as_array().expect("a list").last();
+    let series = list(&json["inconsistencies"]).last();
     let series = series.expect("both are compared");
     assert!(series["compared"].as_u64() > Some(0), "{series}");
     assert_eq!(series["found"], json!([]), "{wrong:?}");
     place.write("m.csv", place.read("other.csv"));
     place.write("other.csv", absolute_table(&6.into(), &right[60..]));
     let json = place.run(command).json();
-    for each in json["inconsistencies"].as_array().expect("a list") {
+    for each in list(&json["inconsistencies"]) {
         assert_eq!(each["found"], json!([]), "{each}");
     }
 }
@@ -121,8 +116,7 @@ fn wrong_readings_are_no_inconsistency() {
 /// none is left out.
 #[test]
 fn readings_apart_from_a_crowd_are_fitted() {
-    let place = Workplace::new();
-    place.write("s.toml", absolute_scenario_text("planar_3r"));
+    let place = Workplace::with("s.toml", absolute_scenario_text("planar_3r"));
     let mut plan = String::from(
         "q1_deg,q2_deg,q3_deg,fx_n,fy_n,fz_n,tx_nm,ty_nm,tz_nm,repeats,target\n\
          2,6,17,0,0,-200,0,0,0,2,tool\n4,8,18,0,0,-200,0,0,0,1,tool\n\
@@ -134,11 +128,9 @@ fn readings_apart_from_a_crowd_are_fitted() {
     }
     place.write("plan.csv", plan);
     for seed in 1..=5 {
-        place
-            .run(&format!(
-                "measure s.toml --plan plan.csv --seed {seed} --measurements-out m.csv --quiet"
-            ))
-            .ends_with(0);
+        place.done(&format!(
+            "measure s.toml --plan plan.csv --seed {seed} --measurements-out m.csv --quiet"
+        ));
         let json = place.json("identify s.toml --measurements m.csv --parameters zeros");
         assert_eq!(json["rejected"], json!([]), "seed {seed}");
         assert!(number(&json["consistency"]) > 1e-3, "seed {seed}");
@@ -153,7 +145,7 @@ fn what_stays_nominal_is_decided_without_a_gross_error() {
         .map(|file| project(&format!("tests/golden/{file}")));
     let (scenario, plan) = (scenario.display(), plan.display());
     let measure = format!("measure {scenario} --plan {plan} --measurements-out m.csv");
-    place.run(&measure).ends_with(0);
+    place.done(&measure);
     let table = place.read("m.csv");
     let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
     let header = lines.iter().position(|line| line.starts_with("q1"));
@@ -178,7 +170,7 @@ fn what_stays_nominal_is_decided_without_a_gross_error() {
         found["unknowns"].as_array().map(Vec::len),
         without["unknowns"].as_array().map(Vec::len)
     );
-    let unknowns = [&found, &without].map(|json| json["unknowns"].as_array().expect("a list"));
+    let unknowns = [&found, &without].map(|json| list(&json["unknowns"]));
     for (one, other) in unknowns[0].iter().zip(unknowns[1]) {
         let [one, other] = [one, other].map(|each| &each["standard_error"]);
         assert_eq!(one.is_null(), other.is_null(), "{found:#}");
@@ -195,13 +187,10 @@ fn compliances_of_a_gauge_are_those_of_the_right_readings() {
         .expect("a data sheet");
     let (_, after) = own.split_once("[[uncertainty]]").expect("more");
     place.write("s.toml", format!("{before}[[uncertainty]]{after}"));
-    let plan = project("scenarios/plans/kr270_gauge_m9.csv");
-    place
-        .run(&format!(
-            "measure s.toml --plan {} --measurements-out m.csv",
-            plan.display()
-        ))
-        .ends_with(0);
+    let plan = shipped("scenarios/plans/kr270_gauge_m9.csv");
+    place.done(&format!(
+        "measure s.toml --plan {plan} --measurements-out m.csv"
+    ));
     let table = place.read("m.csv");
     let lines: Vec<&str> = table.lines().collect();
     let first = lines
@@ -221,24 +210,16 @@ fn compliances_of_a_gauge_are_those_of_the_right_readings() {
         let (setup, read) = lines[first + row].rsplit_once(',').expect("a displacement");
         wrong[first + row] = format!("{setup},{}", read.parse::<f64>().expect("a number") + 10.0);
         let found = identified(&wrong);
-        let rejected = found["rejected"].as_array().expect("a list");
+        let rejected = list(&found["rejected"]);
         assert_eq!(rejected.len(), 1, "{row}");
         named += usize::from(rejected[0]["reading"] == row + 1);
         wrong.remove(first + row);
         let without = identified(&wrong);
-        let of = |json: &Value| {
-            json["compliance_rad_per_nm"]
-                .as_array()
-                .expect("a list")
-                .clone()
-        };
+        let of = |json: &Value| list(&json["compliance_rad_per_nm"]).clone();
         for (one, other) in of(&found).iter().zip(of(&without)) {
             assert_eq!(one.is_null(), other.is_null(), "{row}: {found:#}");
             if !one.is_null() {
-                assert!(
-                    (number(one) / number(&other) - 1.0).abs() < 1e-4,
-                    "{row}: {one} {other}"
-                );
+                assert_alike_in(&row, number(one), number(&other), 1e-4);
             }
         }
     }
@@ -262,7 +243,7 @@ fn one_wrong_pose_takes_no_other_with_it() {
         STD_RAD * 1e3
     );
     place.write("l.toml", listed);
-    let scenario = Scenario::load(&place.path("l.toml")).expect("a scenario");
+    let scenario = place.scenario("l.toml");
     let rejected = |readings: &[AbsoluteReading]| -> (bool, Vec<usize>) {
         let mut case = AbsoluteCase::new(&scenario.task.belief, readings).expect("readings");
         let groups = [ParameterGroup::Geometry, ParameterGroup::Compliances];

@@ -36,7 +36,7 @@ use serde_json::Value;
 
 use self::mutate::{mutated, mutated_json, mutated_xml};
 use crate::foreign_tables::{MAPPING, TABLE};
-use crate::support::{Workplace, error_message, project, scenario_text};
+use crate::support::{Workplace, error_message, project, scenario_text, shipped};
 
 /// No input takes longer to read, on a machine with other work to do.
 const LONGEST: Duration = Duration::from_secs(5);
@@ -59,31 +59,21 @@ struct Reader {
 
 /// A workplace with a file for each reader.
 fn prepared() -> Workplace {
-    let place = Workplace::new();
-    place.write("s.toml", scenario_text("klimchik2012"));
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let plan = plan.display();
-    place
-        .run(&format!(
-            "measure s.toml --plan {plan} --measurements-out m.csv"
-        ))
-        .ends_with(0);
+    let place = Workplace::with("s.toml", scenario_text("klimchik2012"));
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
+    place.done(&format!(
+        "measure s.toml --plan {plan} --measurements-out m.csv"
+    ));
     let with_rotations =
         scenario_text("kr270").replace("tracker_site", "rotation_sigma_mrad = 0.1\ntracker_site");
     place.write("r.toml", with_rotations);
-    place
-        .run(&format!(
-            "measure r.toml --plan {plan} --measurements-out r.csv"
-        ))
-        .ends_with(0);
-    place
-        .run("identify --quiet --measurements m.csv --identified-out i.json")
-        .ends_with(0);
+    place.done(&format!(
+        "measure r.toml --plan {plan} --measurements-out r.csv"
+    ));
+    place.done("identify --quiet --measurements m.csv --identified-out i.json");
     place.write("u.toml", scenario_text("kr270_laboratory"));
     place.run("identify u.toml --quiet --measurements m.csv --identified-out u.json");
-    place
-        .run("study s.toml --level model --trials 500 --shard 1/2 --tally-out t.json --quiet")
-        .ends_with(0);
+    place.done("study s.toml --level model --trials 500 --shard 1/2 --tally-out t.json --quiet");
     place
 }
 
@@ -235,8 +225,7 @@ fn tally_reader(place: &Workplace) -> Reader {
 }
 
 fn results_reader(place: &Workplace) -> Reader {
-    let plan = project("scenarios/plans/klimchik2012_m3.csv");
-    let plan = plan.display();
+    let plan = shipped("scenarios/plans/klimchik2012_m3.csv");
     let evaluated = place
         .run(&format!("evaluate s.toml --plan {plan} --json --quiet"))
         .stdout;
@@ -321,8 +310,7 @@ static UR10: LazyLock<Scenario> = LazyLock::new(|| crate::support::scenario("ur1
 
 /// A foreign table and its mapping.
 static FOREIGN: LazyLock<Workplace> = LazyLock::new(|| {
-    let place = Workplace::new();
-    place.write("table.csv", TABLE);
+    let place = Workplace::with("table.csv", TABLE);
     place.write("mapping.toml", MAPPING);
     place
 });
@@ -654,9 +642,8 @@ fn five_hundred_broken_models_are_told_in_words() {
         .map(|name| {
             let model = std::fs::read_to_string(project(&format!("models/{name}.xml")));
             let scenario = scenario_text(name);
-            let folder = project("models");
-            let scenario =
-                scenario.replace(&format!("{}/{name}.xml", folder.display()), "model.xml");
+            let folder = shipped("models");
+            let scenario = scenario.replace(&format!("{folder}/{name}.xml"), "model.xml");
             assert!(scenario.contains("\"model.xml\""));
             (model.expect("can be read"), scenario)
         })

@@ -5,7 +5,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 use crate::proofs::python;
-use crate::support::{Workplace, project};
+use crate::support::{Workplace, list, project, shipped};
 
 /// How many are tried in the suite; `ELASTOCAL_MUTATIONS` asks for so many times a hundredth of its number.
 const PROOFS: usize = 400;
@@ -21,12 +21,11 @@ fn mutated_proofs_are_refused_in_words() {
     let place = Workplace::new();
     let mut proofs = Vec::new();
     for name in ["planar_3r", "spatial_3r"] {
-        let scenario = project(&format!("scenarios/{name}.toml"));
+        let scenario = shipped(&format!("scenarios/{name}.toml"));
         let arguments = format!(
-            "plan {} --experiments 3 --prove 30% --proof-out {name}.json --quiet --json",
-            scenario.display()
+            "plan {scenario} --experiments 3 --prove 30% --proof-out {name}.json --quiet --json"
         );
-        let found = place.run(&arguments).ends_with(0).json();
+        let found = place.done(&arguments).json();
         let rho0_m = found["rho0_mm"].as_f64().expect("a number") * 1e-3;
         proofs.push(format!("{name}.json={}", json!({ "3": rho0_m })));
     }
@@ -51,7 +50,7 @@ fn mutated_proofs_are_refused_in_words() {
     let found: Value = serde_json::from_slice(&output.stdout).expect("it prints JSON");
     let counts = &found["counts"];
     println!("mutated proofs: {counts}");
-    let failures = found["failures"].as_array().expect("a list");
+    let failures = list(&found["failures"]);
     let folder = project("target/mutations");
     for failure in failures {
         let name = format!("proof-{}.json", failure["name"].as_str().unwrap_or("?"));
