@@ -5,6 +5,7 @@
 //! exactly as the model says, read with independent errors of the same size: what differs is what discrepancy does. Where the planner's
 //! model has joint error functions, every fit has them, one choice is planned with them, and that robot's are sampled.
 
+use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use nalgebra::DMatrix;
@@ -344,6 +345,7 @@ impl Chooser<'_> {
             told: self.told.clone(),
             most: vec![1; self.told.count()],
             configurations: (0..self.told.count()).collect(),
+            mandatory: BTreeSet::new(),
             told_together: None,
             bounds: None,
         }

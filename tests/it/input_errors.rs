@@ -41,7 +41,7 @@ fn input_errors_are_named() {
         let belief = &scenario.task.belief;
         let table = right(&scenario, 1, 80);
         assert_eq!(named(belief, &table), None, "{robot}");
-        let errors: [(&str, Change<'_>); 9] = [
+        let errors: [(&str, Change<'_>); 11] = [
             ("sign of q5_deg", &|_, each| {
                 each.configuration_rad[4] *= -1.0;
             }),
@@ -58,6 +58,19 @@ fn input_errors_are_named() {
                 each.rotation = each.rotation.map(|turn| {
                     let wrong = nalgebra::Quaternion::new(turn.i, turn.j, turn.k, turn.w);
                     UnitQuaternion::from_quaternion(wrong)
+                });
+            }),
+            // Angles about axes that turn along, read as if about fixed ones; and the other way round.
+            ("Change rotation.convention", &|_, each| {
+                each.rotation = each.rotation.map(|turn| {
+                    let (x, y, z) = turn.inverse().euler_angles();
+                    UnitQuaternion::from_euler_angles(-x, -y, -z)
+                });
+            }),
+            ("Change rotation.convention", &|_, each| {
+                each.rotation = each.rotation.map(|turn| {
+                    let (x, y, z) = turn.euler_angles();
+                    UnitQuaternion::from_euler_angles(-x, -y, -z).inverse()
                 });
             }),
             ("left-handed", &|_, each| {

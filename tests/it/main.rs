@@ -158,6 +158,7 @@ mod error_sources;
 mod exported_models;
 mod extrapolation;
 mod faults;
+mod few_configurations;
 mod few_readings;
 mod force_sizes;
 mod foreign_tables;

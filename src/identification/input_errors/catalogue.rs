@@ -416,7 +416,7 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
     );
     let euler = (
         "are the Euler angles in the other order (z y x for x y z, or about fixed axes)",
-        "Change axes or about in the mapping",
+        "Change rotation.convention in the mapping",
     );
     let mut all = vec![
         turned("rotations_inverted", (inverted, "Invert them"), |each| {
@@ -433,6 +433,10 @@ pub(super) fn of_sights(has_rotations: bool) -> Vec<InputError> {
             let (x, y, z) = each.euler_angles();
             let about = |axis: Vector3<f64>, angle: f64| Rotation3::new(axis * angle);
             about(Vector3::x(), x) * about(Vector3::y(), y) * about(Vector3::z(), z)
+        }),
+        turned("euler_order", euler, |each| {
+            let (x, y, z) = each.inverse().euler_angles();
+            Rotation3::from_euler_angles(-x, -y, -z)
         }),
         left_handed,
     ];

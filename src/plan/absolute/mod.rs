@@ -24,6 +24,7 @@ mod together;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 
 use super::Criterion;
 use super::search::{
@@ -283,6 +284,7 @@ impl AbsolutePlanning<'_> {
             told: shown.told.clone(),
             most: places().map(|&place| self.most(place)).collect(),
             configurations: places().map(|&place| self.configurations[place]).collect(),
+            mandatory: BTreeSet::new(),
             told_together: (self.shares(&shown.places))
                 .then(|| -> Box<ToldTogether<'s>> { Box::new(told) }),
             bounds: shown.together.as_ref(),

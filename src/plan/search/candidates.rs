@@ -140,10 +140,10 @@ impl Candidates {
         watch: Watch<'_>,
     ) -> Result<(ExactDesign, Bound), SearchError> {
         let mandatory = &task.design.mandatory;
-        let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
+        let free = size.beside(mandatory);
         let effort = FiniteEffort {
-            measurements: size.measurements.saturating_sub(mandatory.measurements()),
-            configurations: size.configurations.saturating_sub(count),
+            measurements: free.measurements,
+            configurations: free.configurations,
             searches: SEARCHES,
             seed,
             is_thorough: true,
@@ -153,7 +153,8 @@ impl Candidates {
             let found = self.finite(problem).search(effort, watch);
             let found = found.map_err(SearchError::Candidates)?;
             let mut plan = mandatory.clone();
-            plan.experiments.extend(self.measured(&found.plan));
+            plan.experiments
+                .extend(measured_of(&self.experiments, &found.plan));
             if !problem.is_determined_by(&plan) {
                 return Err(SearchError::Singular {
                     experiments: size.measurements,
@@ -207,35 +208,59 @@ impl Candidates {
         )
     }
 
-    /// Candidates as experiments, each measured so often.
-    fn measured(&self, plan: &[(usize, u32)]) -> Vec<Experiment> {
-        let measured = plan.iter().map(|&(candidate, repeats)| Experiment {
-            repeats,
-            ..self.experiments[candidate].clone()
-        });
-        measured.collect()
-    }
-
     /// The candidates by what they tell. Bounds speak about plans that hang one load in each configuration.
     fn finite<'p>(&'p self, problem: &'p Problem<'_>) -> FiniteProblem<'p> {
-        let all = &self.experiments;
+        problem.choice_among(&self.experiments)
+    }
+}
+
+impl Problem<'_> {
+    /// The choice from some experiments, each as often as its repeats say at most.
+    pub(super) fn choice_among<'p>(&'p self, all: &'p [Experiment]) -> FiniteProblem<'p> {
         let each: Vec<DMatrix<f64>> = (all.par_iter())
-            .map(|experiment| problem.told(experiment, 1))
+            .map(|experiment| self.told(experiment, 1))
             .collect();
-        let told = |measured: &[(usize, u32)]| match *measured {
-            [(only, times)] => problem.told(&all[only], times),
-            _ => problem.told_by(self.measured(measured)),
+        let mandatory = &self.task.design.mandatory;
+        let configurations = numbered(all.len(), |place| all[place].pose(), |_, _| true);
+        let is_mandatory =
+            |place: &usize| (mandatory.experiments.iter()).any(|each| each.stands_as(&all[*place]));
+        let told = |measured: &[(usize, u32)]| {
+            let here = mandatory.experiments.iter();
+            let here = here
+                .filter(|each| each.stands_as(&all[measured[0].0]))
+                .cloned();
+            let here: Vec<Experiment> = here.collect();
+            match *measured {
+                [(only, times)] if here.is_empty() => self.told(&all[only], times),
+                _ => {
+                    let before = self.told_by(here.clone());
+                    self.told_by([here, measured_of(all, measured)].concat()) - before
+                }
+            }
         };
         FiniteProblem {
-            criterion: problem.criterion,
-            test_poses: problem.test_poses.clone(),
-            beside: problem.information(&problem.task.design.mandatory),
-            told: CandidateInformation::of_all(problem.parameters(), &each),
+            criterion: self.criterion,
+            test_poses: self.test_poses.clone(),
+            beside: self.information(mandatory),
+            told: CandidateInformation::of_all(self.parameters(), &each),
             most: all.iter().map(|each| each.repeats).collect(),
-            configurations: numbered(all.len(), |place| all[place].pose(), |_, _| true),
-            told_together: (problem.is_shared_by_repeats())
+            mandatory: (0..all.len())
+                .filter(is_mandatory)
+                .map(|place| configurations[place])
+                .collect(),
+            configurations,
+            told_together: (self.is_shared_by_repeats())
                 .then(|| -> Box<ToldTogether<'p>> { Box::new(told) }),
             bounds: None,
         }
     }
+}
+
+/// Experiments of a list by their places, each measured so often.
+pub(super) fn measured_of(all: &[Experiment], plan: &[(usize, u32)]) -> Vec<Experiment> {
+    let measured = plan.iter().map(|&(place, repeats)| Experiment {
+        repeats,
+        ..all[place].clone()
+    });
+    measured.collect()
 }

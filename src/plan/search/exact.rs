@@ -6,19 +6,26 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
+use super::candidates::measured_of;
 use super::error::SearchError;
+use super::finite_search::FiniteEffort;
 use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
 use super::size::PlanSize;
+use crate::experiment::{Experiment, together};
 use crate::numeric::random::{generator, streams};
-use crate::plan::Plan;
+use crate::plan::{Feasibility, Plan};
+use crate::quantities::limits::MOST_EXPERIMENTS;
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
 const INDEPENDENT: usize = 8;
 /// Searches after these that exchange experiments of the best plans found so far.
 const RECOMBINED: usize = 4;
+/// So many experiments that searches met, and so many searches that choose from them.
+const MET: usize = 200;
+const CHOICES: usize = 12;
 /// How many plans they take experiments from.
 const PARENTS: usize = 16;
 /// So many independent searches must agree on the best plan.
@@ -47,6 +54,21 @@ pub struct ExactDesign {
 }
 
 impl ExactDesign {
+    /// A plan that searches ended in, beside the mandatory experiments; how many there were, and how many agree.
+    fn of(problem: &Problem<'_>, found: &Found, [searches, agreeing]: [usize; 2]) -> Self {
+        let chosen = found.points.iter().zip(&found.repeats);
+        let chosen = chosen.map(|(point, &repeats)| point.experiment(repeats));
+        let mandatory = problem.task.design.mandatory.experiments.iter().cloned();
+        Self {
+            plan: Plan {
+                experiments: mandatory.chain(chosen).collect(),
+            },
+            cost: found.cost,
+            searches,
+            agreeing,
+        }
+    }
+
     /// This or another one, whichever a problem says is better.
     pub(super) fn or_better(self, other: Self, problem: &Problem<'_>) -> Self {
         let value = |each: &Self| problem.value(&each.plan).unwrap_or(f64::INFINITY);
@@ -118,38 +140,93 @@ pub fn exact_design(
         experiments: size.measurements,
         parameters: problem.parameters(),
     };
-    let free = size.measurements.saturating_sub(mandatory.measurements());
-    let count = u32::try_from(mandatory.experiments.len()).unwrap_or(u32::MAX);
-    let beside = PlanSize {
-        measurements: free,
-        configurations: size.configurations.saturating_sub(count).min(free),
+    let beside = size.beside(mandatory);
+    let near = rounded_design(problem, approximate, size.measurements, beside);
+    let mut design = if let Some(near) = near {
+        Some(ExactDesign::of(problem, &near, [0, 0]))
+    } else {
+        let known = known_plans(problem, known);
+        let searched = search_plans(problem, approximate, beside, seed, watch, known);
+        let best = (searched.ends.iter()).min_by(|one, other| one.cost.total_cmp(&other.cost));
+        let best = best.map(|best| ExactDesign::of(problem, best, searched.counts));
+        let other = with_several_loads(problem, beside, &searched.met, seed, watch);
+        match (best, other) {
+            (Some(best), Some(other)) if other.cost >= best.cost => Some(best),
+            (best, other) => other.or(best),
+        }
     };
-    let (ends, [searches, agreeing]) =
-        if let Some(near) = rounded_design(problem, approximate, size.measurements, beside) {
-            (vec![near], [0, 0])
-        } else {
-            let known = known_plans(problem, known);
-            search_plans(problem, approximate, beside, seed, watch, known)
-        };
-    let best = ends
-        .iter()
-        .min_by(|one, other| one.cost.total_cmp(&other.cost));
-    let Some(best) = best else {
-        return Err(singular);
-    };
-    let found = best.points.iter().zip(&best.repeats);
-    let found = found.map(|(point, &repeats)| point.experiment(repeats));
-    let plan = Plan {
-        experiments: mandatory.experiments.iter().cloned().chain(found).collect(),
-    };
-    if !problem.is_determined_by(&plan) {
-        return Err(singular);
+    design.take_if(|design| !problem.is_determined_by(&design.plan));
+    design.ok_or(singular)
+}
+
+/// The best plan of a size beside the mandatory experiments that is chosen from configurations that a search met, and mandatory ones, under
+/// each of the listed loads, read along each direction: where configurations are fewer than measurements several may be in one. None where
+/// nothing is to be chosen, or no plan determines the compliances.
+fn with_several_loads(
+    problem: &Problem<'_>,
+    size: PlanSize,
+    met: &[Point],
+    seed: u64,
+    watch: Watch<'_>,
+) -> Option<ExactDesign> {
+    let task = problem.task;
+    let mandatory = &task.design.mandatory;
+    let loads = task.loads.listed()?;
+    let is_one = loads.len() * task.directions.len() == 1 && mandatory.experiments.is_empty();
+    if is_one || size.configurations >= size.measurements {
+        return None;
     }
-    Ok(ExactDesign {
-        plan,
-        cost: best.cost,
-        searches,
-        agreeing,
+    let met = met.iter().map(|point| point.experiment(MOST_EXPERIMENTS));
+    let mut places: Vec<Experiment> = mandatory.experiments.iter().cloned().chain(met).collect();
+    let firsts = together(places.len(), |place| places[place].pose(), |_, _| true);
+    places = (firsts.iter())
+        .map(|group| places[group[0]].clone())
+        .collect();
+    let offered = places.iter().flat_map(|place| {
+        let under = move |&load| {
+            (task.directions.iter()).map(move |&direction| Experiment {
+                load,
+                direction,
+                repeats: MOST_EXPERIMENTS,
+                ..place.clone()
+            })
+        };
+        loads.iter().flat_map(under)
+    });
+    let mut offered: Vec<Experiment> = offered.collect();
+    let is_possible: Vec<bool> = (offered.par_iter())
+        .map_init(
+            || Feasibility::new(task),
+            |feasibility, each| feasibility.violations_of(1, each).is_empty(),
+        )
+        .collect();
+    let mut is_kept = is_possible.into_iter();
+    offered.retain(|_| is_kept.next().unwrap_or(false));
+    if offered.is_empty() {
+        return None;
+    }
+    let effort = FiniteEffort {
+        measurements: size.measurements,
+        configurations: size.configurations,
+        searches: CHOICES,
+        seed,
+        is_thorough: true,
+    };
+    let found = (problem.choice_among(&offered)).search(effort, Watch::quiet(watch.stop));
+    let found = found.ok()?;
+    let chosen = measured_of(&offered, &found.plan);
+    Some(ExactDesign {
+        plan: Plan {
+            experiments: mandatory
+                .experiments
+                .iter()
+                .cloned()
+                .chain(chosen)
+                .collect(),
+        },
+        cost: found.cost,
+        searches: found.searches[0],
+        agreeing: found.searches[1],
     })
 }
 
@@ -185,8 +262,17 @@ fn rounded_design(
     ((value / best).max(best / value) <= NEAR).then_some(found)
 }
 
-/// Searches plans of so many free measurements in so many configurations, beside those that are known: the best ones, refined to
-/// full precision; how many searches there were that knew nothing of one another, and how many of them ended in the best plan.
+/// What searches found.
+struct SearchedPlans {
+    /// The best plans, refined to full precision.
+    ends: Vec<Found>,
+    /// How many searches there were that knew nothing of one another, and how many of them ended in the best plan.
+    counts: [usize; 2],
+    /// Experiments of the best plans, and some of those that searches chose from.
+    met: Vec<Point>,
+}
+
+/// Searches plans of so many free measurements in so many configurations, beside those that are known.
 fn search_plans(
     problem: &Problem<'_>,
     approximate: &ApproximateDesign,
@@ -194,7 +280,7 @@ fn search_plans(
     seed: u64,
     watch: Watch<'_>,
     mut results: Vec<Found>,
-) -> (Vec<Found>, [usize; 2]) {
+) -> SearchedPlans {
     let (free, configurations) = (free.measurements, free.configurations);
     let searches = if free == 0 {
         1
@@ -263,8 +349,13 @@ fn search_plans(
     let polished: Vec<Found> = polished
         .map(|found| Refinement::new(problem).polish(found.clone()))
         .collect();
-    let counts = [independent.len(), agreeing(&independent, &polished)];
-    (polished, counts)
+    let best = polished.iter().chain(results.iter().take(PARENTS));
+    let best = best.flat_map(|found| &found.points);
+    SearchedPlans {
+        counts: [independent.len(), agreeing(&independent, &polished)],
+        met: (best.chain(&support).chain(&candidates).take(MET).cloned()).collect(),
+        ends: polished,
+    }
 }
 
 /// Plans of earlier searches, refined beside the mandatory experiments.

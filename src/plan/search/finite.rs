@@ -13,7 +13,7 @@
 //!
 //! Candidates of one configuration that share errors may tell more together than the sum of each: [`TogetherBounds`].
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::DMatrix;
 
@@ -53,7 +53,9 @@ pub struct FiniteProblem<'a> {
     pub most: Vec<u32>,
     /// The number of each one's configuration.
     pub configurations: Vec<usize>,
-    /// Where candidates of one configuration share errors, what they tell together.
+    /// Those of them that are measured whatever is chosen.
+    pub mandatory: BTreeSet<usize>,
+    /// Where candidates of one configuration share errors, what they tell together, beside what is measured there whatever is chosen.
     pub told_together: Option<Box<ToldTogether<'a>>>,
     /// What those of one configuration tell at most together, where several may be chosen that tell more than by themselves; none
     /// where plans are bounded that have one in each.
@@ -141,10 +143,11 @@ pub type CandidatePlan = Vec<(usize, u32)>;
 pub type FiniteWeights = Vec<(usize, f64)>;
 
 impl FiniteProblem<'_> {
-    /// Whether a plan reads in a candidate's configuration.
+    /// Whether a plan reads in a candidate's configuration, or does so whatever is chosen.
     pub(super) fn reads_in_configuration(&self, plan: &[(usize, u32)], candidate: usize) -> bool {
         let here = self.configurations[candidate];
-        (plan.iter()).any(|&(each, _)| self.configurations[each] == here)
+        self.mandatory.contains(&here)
+            || (plan.iter()).any(|&(each, _)| self.configurations[each] == here)
     }
 
     /// The criterion as a cost.
@@ -158,13 +161,15 @@ impl FiniteProblem<'_> {
 
     /// Adds (or takes away) what candidates tell that are measured so often: of one configuration, where they share errors.
     fn add(&self, sum: &mut DMatrix<f64>, sign: f64, measured: &[(usize, u32)]) {
-        match (&self.told_together, measured) {
-            (None, _) | (_, [(_, 1)]) => {
+        let is_mandatory = |each: usize| self.mandatory.contains(&self.configurations[each]);
+        let is_alone = matches!(*measured, [(each, 1)] if !is_mandatory(each));
+        match &self.told_together {
+            Some(told) if !is_alone => *sum += told(measured) * sign,
+            _ => {
                 for &(candidate, times) in measured {
                     self.told.add_to(sum, candidate, sign * f64::from(times));
                 }
             }
-            (Some(told), _) => *sum += told(measured) * sign,
         }
     }
 
@@ -225,10 +230,13 @@ impl FiniteProblem<'_> {
         for (configuration, each) in self.configurations.iter().zip(&self.most) {
             *most.entry(*configuration).or_default() += u64::from(*each);
         }
-        let mut most: Vec<u64> = most.into_values().collect();
-        most.sort_unstable_by(|one, other| other.cmp(one));
-        let all = most.iter().take(configurations as usize);
-        let allowed: u64 = all.map(|each| (*each).min(measurements.into())).sum();
+        let (always, others): (Vec<_>, Vec<_>) =
+            (most.into_iter()).partition(|(each, _)| self.mandatory.contains(each));
+        let mut others: Vec<u64> = others.into_iter().map(|(_, most)| most).collect();
+        others.sort_unstable_by(|one, other| other.cmp(one));
+        let all = always.into_iter().map(|(_, most)| most);
+        let all = all.chain(others.into_iter().take(configurations as usize));
+        let allowed: u64 = all.map(|each| each.min(measurements.into())).sum();
         if allowed < u64::from(measurements) {
             let problem = format!(
                 "the candidates allow {allowed} measurements, and {measurements} are wanted"

@@ -5,7 +5,7 @@
 //! tries all that may help: the costs are convex and of degree -1, phi(M') >= phi(M)^2 / trace(G M') with trace(G M) = phi(M), so
 //! that an exchange can lower phi only if what comes has a larger derivative trace(G I) than what goes.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::Ordering;
 
 use nalgebra::DMatrix;
@@ -41,6 +41,11 @@ const THOROUGH_WORK: usize = 20_000_000;
 const THOROUGHLY_TRIED_OF_OTHERS: usize = 48;
 /// Thorough passes, at most; each but the last has found something.
 const THOROUGH_PASSES: usize = 20;
+/// Plans in other configurations begin with so many candidates, no more than so many of one configuration.
+const PROMISING: usize = 48;
+const OF_ONE: usize = 6;
+/// A plan in other configurations is bettered where its cost is no more than this factor above.
+const HOPEFUL: f64 = 1.5;
 /// Costs within this factor agree: 0.1 % in `rho_0`, the cost's root.
 const SAME: f64 = 1.002;
 
@@ -222,7 +227,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
     fn drawn(&self, weights: &[(usize, f64)], random: &mut ChaCha8Rng) -> CandidatePlan {
         let mut plan = CandidatePlan::new();
         for measurement in 0..self.effort.measurements {
-            let candidate = if self.is_full(&plan) {
+            let candidate = if self.is_full(&plan) && !plan.is_empty() {
                 plan[random.random_range(0..plan.len())].0
             } else if measurement % 2 == 0 {
                 let mut left: f64 = random.random();
@@ -235,7 +240,9 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
                 random.random_range(0..self.problem.told.count())
             };
             // What may not be is left to those that are added where they tell most.
-            if times_in(&plan, candidate) < self.problem.most[candidate] {
+            let may_be =
+                !self.is_full(&plan) || self.problem.reads_in_configuration(&plan, candidate);
+            if may_be && times_in(&plan, candidate) < self.problem.most[candidate] {
                 measure(&mut plan, candidate, 1);
             }
         }
@@ -248,10 +255,16 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         (all.map(|&(candidate, _)| self.problem.configurations[candidate])).collect()
     }
 
-    /// Whether a plan has as many configurations as it may have.
+    /// Whether a plan has as many configurations as it may have beside those that are mandatory.
     fn is_full(&self, plan: &[(usize, u32)]) -> bool {
+        let is_free = |each: &usize| !self.problem.mandatory.contains(each);
         plan.len() >= self.configurations
-            && self.configurations_of(plan).len() >= self.configurations
+            && self
+                .configurations_of(plan)
+                .iter()
+                .filter(|each| is_free(each))
+                .count()
+                >= self.configurations
     }
 
     /// Adds the measurement that helps most, of one configuration none.
@@ -279,6 +292,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         for _ in 0..THOROUGH_PASSES {
             let before = found.cost;
             self.pass(&mut found, Listed::AllThatMayHelp);
+            self.exchange_configurations(&mut found, PROMISING);
             if found.cost >= before {
                 break;
             }
@@ -305,7 +319,7 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
             let listed = listed.as_deref().map_or(Listed::All, Listed::These);
             let before = found.cost;
             self.pass(&mut found, listed);
-            self.exchange_configurations(&mut found);
+            self.exchange_configurations(&mut found, 0);
             if found.cost < before {
                 is_complete = is_few;
             } else if is_complete {
@@ -329,24 +343,59 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
         }
     }
 
-    /// Where there may be fewer configurations than measurements: puts all measurements of one elsewhere, wherever that lowers the cost.
-    fn exchange_configurations(&mut self, found: &mut FoundAmong) {
+    /// Where there may be fewer configurations than measurements: puts all measurements of one elsewhere, wherever that lowers the cost;
+    /// beginning also with each of so many candidates that promise most.
+    fn exchange_configurations(&mut self, found: &mut FoundAmong, tried: usize) {
         if self.configurations >= self.effort.measurements as usize {
             return;
         }
         for own in self.configurations_of(&found.plan) {
             let mut others = found.plan.clone();
             others.retain(|&(each, _)| self.problem.configurations[each] != own);
-            let kept = measurements_in(&others);
-            for _ in kept..self.effort.measurements {
-                self.add_best(&mut others, Some(own));
-            }
-            let is_whole = measurements_in(&others) == self.effort.measurements;
-            let cost = (self.cost).cost(&self.information(&others), &mut self.directions);
-            if is_whole && cost < found.cost * (1.0 - GAIN) {
-                *found = FoundAmong { plan: others, cost };
+            let firsts = self.promising(&others, tried).into_iter().map(Some);
+            for first in [None].into_iter().chain(firsts) {
+                let mut plan = others.clone();
+                if let Some(first) = first {
+                    measure(&mut plan, first, 1);
+                }
+                let but = first.is_none().then_some(own);
+                let kept = measurements_in(&plan);
+                for _ in kept..self.effort.measurements {
+                    self.add_best(&mut plan, but);
+                }
+                let is_whole = measurements_in(&plan) == self.effort.measurements;
+                let cost = (self.cost).cost(&self.information(&plan), &mut self.directions);
+                let mut other = FoundAmong { plan, cost };
+                if is_whole && tried > 0 && cost < found.cost * HOPEFUL {
+                    self.pass(&mut other, Listed::All);
+                }
+                if is_whole && other.cost < found.cost * (1.0 - GAIN) {
+                    *found = other;
+                }
             }
         }
+    }
+
+    /// So many candidates that promise most beside a plan in configurations that it has not, a few of each.
+    fn promising(&mut self, plan: &[(usize, u32)], count: usize) -> Vec<usize> {
+        if count == 0 {
+            return Vec::new();
+        }
+        let (here, is_full) = (self.configurations_of(plan), self.is_full(plan));
+        self.cost
+            .cost(&self.information(plan), &mut self.directions);
+        let derivatives = self.problem.told.derivatives(&self.directions);
+        let mut all = highest(&derivatives, derivatives.len(), |_| true);
+        let mut taken: BTreeMap<usize, usize> = BTreeMap::new();
+        all.retain(|&candidate| {
+            let own = self.problem.configurations[candidate];
+            let times = taken.entry(own).or_default();
+            *times += 1;
+            let may_be = !is_full || self.problem.mandatory.contains(&own);
+            may_be && !here.contains(&own) && *times <= OF_ONE
+        });
+        all.truncate(count);
+        all
     }
 
     /// Puts so many measurements of a place of the plan elsewhere, where that lowers the cost.
