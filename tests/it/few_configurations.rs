@@ -17,9 +17,9 @@ fn two_loads(place: &Workplace, name: &str, more: &str) {
     let one = "kind = \"fixed\"\nforce_n = [0, 0, -2500]";
     let wrenches = FORCES.map(|[x, y, z]| format!("{{ force_n = [{x}, {y}, {z}] }}"));
     let several = format!("kind = \"list\"\nwrenches = [{}]", wrenches.join(", "));
-    let text = head.replace(one, &several);
-    assert!(text.contains(&several));
-    place.write(name, format!("{text}\n[design]\n{more}\n"));
+    let text = (head.replace(one, &several)).replace("experiments = 3\n", &format!("{more}\n"));
+    assert!(text.contains(&several) && text.contains(more));
+    place.write(name, text);
 }
 
 /// Some configurations of the paper's plans, each under both loads.
