@@ -95,7 +95,7 @@ fn no_plan_of_few_configurations_is_better() {
             .map(|one: usize| all[one].clone())
             .into_iter()
             .collect();
-        let mut design = format!("experiments = {measurements}\nconfigurations = {configurations}");
+        let mut design = format!("experiments = {measurements}");
         if !beside.is_empty() {
             write("mandatory.csv", &of(beside.clone()));
             design += "\nmandatory = \"mandatory.csv\"";
@@ -112,7 +112,9 @@ fn no_plan_of_few_configurations_is_better() {
         });
         write("candidates.csv", &of(many.collect()));
         let found =
-            rho0_mm(&place.json("plan s.toml --candidates candidates.csv --plan-out found.csv"));
+            rho0_mm(&place.json(&format!(
+                "plan s.toml --candidates candidates.csv --configurations {configurations} --plan-out found.csv"
+            )));
         assert!(
             (found / best - 1.0).abs() < 1e-6,
             "{design}: {found} for {best}"
@@ -132,9 +134,9 @@ fn several_loads_hang_in_one_configuration() {
     let place = Workplace::new();
     let mut before = f64::INFINITY;
     for configurations in 1..=3 {
-        let design = format!("experiments = 6\nconfigurations = {configurations}");
-        two_loads(&place, "s.toml", &design);
-        let found = rho0_mm(&place.json("plan s.toml --no-proof --plan-out found.csv"));
+        two_loads(&place, "s.toml", "experiments = 6");
+        let plan = format!("plan s.toml --configurations {configurations}");
+        let found = rho0_mm(&place.json(&format!("{plan} --no-proof --plan-out found.csv")));
         let told = rho0_mm(&place.json("evaluate s.toml --plan found.csv --no-proof"));
         assert!((found / told - 1.0).abs() < 1e-6, "{found} for {told}");
         assert!(
