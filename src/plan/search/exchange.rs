@@ -24,7 +24,7 @@ const WORTHWHILE: f64 = 1e-3;
 impl Refinement<'_> {
     /// One search of the best plan of `measurements` in so many configurations, with random numbers of its own: exchanges
     /// experiments of random plans over a pool of random experiments and the given ones, and refines the best plans that this
-    /// ends in. `None` if it meets no plan that determines the compliances.
+    /// ends in. `None` if it meets no plan that determines the compliances, or none may go elsewhere than to mandatory ones.
     pub fn search(
         &mut self,
         given: &[Point],
@@ -32,6 +32,9 @@ impl Refinement<'_> {
         configurations: u32,
         random: &mut impl Rng,
     ) -> Option<Found> {
+        if configurations == 0 && measurements > 0 {
+            return None;
+        }
         let drawn: Vec<Point> = (0..POOL)
             .map_while(|_| self.sampler.draw_inside(random))
             .collect();
