@@ -38,21 +38,15 @@ impl PlanSize {
     pub fn of(plan: &Plan) -> Self {
         Self {
             measurements: plan.measurements(),
-            configurations: configurations_of(plan),
+            configurations: u32::try_from(plan.experiments.len()).unwrap_or(u32::MAX),
         }
     }
 
     /// What is free of it beside mandatory experiments, whose configurations may be measured again.
     pub fn beside(self, mandatory: &Plan) -> Self {
         let measurements = self.measurements.saturating_sub(mandatory.measurements());
-        let configurations = self
-            .configurations
-            .saturating_sub(configurations_of(mandatory));
+        let visited = u32::try_from(mandatory.by_configuration().len()).unwrap_or(u32::MAX);
+        let configurations = self.configurations.saturating_sub(visited);
         Self::new(measurements, Some(configurations))
     }
-}
-
-/// How many different configurations a plan has.
-fn configurations_of(plan: &Plan) -> u32 {
-    u32::try_from(plan.by_configuration().len()).unwrap_or(u32::MAX)
 }
