@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::bound::{Bound, PlanBound};
 use super::error::SearchError;
-use super::exact::Watch;
 use super::plan_search::PlanSearch;
 use super::problem::{Effort, Problem};
 use super::size::PlanSize;
+use super::watch::Watch;
 use crate::plan::proof::ProofLimits;
 use crate::plan::{Criterion, Plan, UncertaintyBudget, posterior, rho0_m};
 use crate::task::Task;

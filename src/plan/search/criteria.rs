@@ -1,9 +1,10 @@
 //! Plans that are optimal by other criteria, compared at the test poses.
 
 use super::approximate::ApproximateDesign;
-use super::exact::{Watch, exact_design};
+use super::exact::exact_design;
 use super::problem::Problem;
 use super::size::PlanSize;
+use super::watch::Watch;
 use crate::plan::{Criterion, Plan, posterior, rho0_m};
 use crate::task::Task;
 

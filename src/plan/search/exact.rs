@@ -1,12 +1,11 @@
 //! Exact designs: plans of whole experiments, by exchange with gradient refinement.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
-use super::candidates::measured_of;
+use super::choice::measured_of;
 use super::error::SearchError;
 use super::finite_search::FiniteEffort;
 use super::local::{LocalSearch, Precision};
@@ -14,6 +13,7 @@ use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
 use super::size::PlanSize;
+use super::watch::Watch;
 use crate::experiment::{Experiment, together};
 use crate::numeric::random::{generator, streams};
 use crate::plan::{Feasibility, Plan};
@@ -74,48 +74,6 @@ impl ExactDesign {
         let value = |each: &Self| problem.value(&each.plan).unwrap_or(f64::INFINITY);
         let (own, others) = (value(&self), value(&other));
         if others < own { other } else { self }
-    }
-}
-
-/// How a search is watched and stopped.
-#[derive(Clone, Copy)]
-pub struct Watch<'a> {
-    /// When set, searches that have not begun are left out.
-    pub stop: &'a AtomicBool,
-    /// Called after every search with the number of those done, of all, and the lowest cost so far.
-    pub progress: &'a (dyn Fn(usize, usize, f64) + Sync),
-}
-
-impl<'a> Watch<'a> {
-    /// Nobody looks on.
-    pub const fn quiet(stop: &'a AtomicBool) -> Self {
-        let progress = &|_, _, _| {};
-        Self { stop, progress }
-    }
-
-    /// Does a part of several that are watched as one, by its number from 0.
-    pub(in crate::plan) fn part<T>(
-        self,
-        number: usize,
-        parts: usize,
-        work: impl FnOnce(Watch<'_>) -> T,
-    ) -> T {
-        let progress = |done, all, cost| (self.progress)(number * all + done, parts * all, cost);
-        work(Watch {
-            stop: self.stop,
-            progress: &progress,
-        })
-    }
-
-    /// Tells after each of so many searches with which cost it ended.
-    pub(super) fn counted(self, all: usize) -> impl Fn(f64) + Sync + use<'a> {
-        let seen = Mutex::new((0, f64::INFINITY));
-        move |cost| {
-            if let Ok(mut seen) = seen.lock() {
-                *seen = (seen.0 + 1, cost.min(seen.1));
-                (self.progress)(seen.0, all, seen.1);
-            }
-        }
     }
 }
 

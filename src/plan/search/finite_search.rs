@@ -14,8 +14,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::candidate_error::CandidateError;
-use super::exact::Watch;
 use super::finite::{CandidatePlan, FiniteBound, FiniteProblem, highest, measure, measurements_in};
+use super::watch::Watch;
 use super::weighing::apportioned;
 use crate::numeric::random::{generator, streams};
 use crate::plan::CriterionFunction;
@@ -257,14 +257,9 @@ impl<'p, 'a> CandidateExchanges<'p, 'a> {
 
     /// Whether a plan has as many configurations as it may have beside those that are mandatory.
     fn is_full(&self, plan: &[(usize, u32)]) -> bool {
-        let is_free = |each: &usize| !self.problem.mandatory.contains(each);
+        let mandatory = &self.problem.mandatory;
         plan.len() >= self.configurations
-            && self
-                .configurations_of(plan)
-                .iter()
-                .filter(|each| is_free(each))
-                .count()
-                >= self.configurations
+            && self.configurations_of(plan).difference(mandatory).count() >= self.configurations
     }
 
     /// Adds the measurement that helps most, of one configuration none.

@@ -18,6 +18,7 @@ mod budget;
 mod candidate_error;
 mod candidate_information;
 mod candidates;
+mod choice;
 mod correlated_choice;
 mod criteria;
 mod error;
@@ -38,6 +39,7 @@ mod refinement;
 mod relevance;
 mod sampling;
 mod size;
+mod watch;
 mod weighing;
 
 pub use approximate::{ApproximateDesign, Certificate, approximate_design};
@@ -52,7 +54,7 @@ pub(in crate::plan) use candidates::possible_of;
 pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
-pub use exact::{ExactDesign, Watch, exact_design};
+pub use exact::{ExactDesign, exact_design};
 pub use finite::{
     CandidatePlan, FiniteBound, FiniteProblem, TogetherBounds, ToldTogether, measurements_in,
 };
@@ -64,3 +66,4 @@ pub use problem::{Effort, Problem};
 pub use proved::{ProofFile, ProvedBound, TIGHT};
 pub use sampling::{RandomPlans, median_random_plan, random_plan};
 pub use size::PlanSize;
+pub use watch::Watch;

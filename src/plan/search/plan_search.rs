@@ -2,9 +2,10 @@
 
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::error::SearchError;
-use super::exact::{ExactDesign, Watch, exact_design};
+use super::exact::{ExactDesign, exact_design};
 use super::problem::Problem;
 use super::size::PlanSize;
+use super::watch::Watch;
 use crate::plan::Plan;
 
 /// A search that begins without what makes next to nothing of random plans. Where that counts in a plan that is found, all is
