@@ -41,6 +41,19 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// A command pose alone.
+    pub fn at((configuration_rad, approach): CommandPose<'_>) -> Self {
+        Self {
+            line: 0,
+            configuration_rad: configuration_rad.clone(),
+            load: None,
+            most: None,
+            target: None,
+            station: None,
+            approach: approach.cloned(),
+        }
+    }
+
     /// Its command pose.
     pub const fn pose(&self) -> CommandPose<'_> {
         (&self.configuration_rad, self.approach.as_ref())

@@ -1,18 +1,19 @@
 //! Plans that are chosen from a list of candidates.
 
+use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::bound::{Basis, Bound, Enumerated};
 use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
-use super::choice::measured_of;
+use super::candidate_information::CandidateInformation;
 use super::error::SearchError;
-use super::exact::ExactDesign;
-use super::finite::{FiniteBound, FiniteProblem};
+use super::exact_design::ExactDesign;
+use super::finite::{FiniteBound, FiniteProblem, ToldTogether};
 use super::finite_search::FiniteEffort;
 use super::problem::Problem;
 use super::size::PlanSize;
 use super::watch::Watch;
-use crate::experiment::{Candidate, Experiment, Loads};
+use crate::experiment::{Candidate, Experiment, Loads, numbered};
 use crate::plan::{Criterion, Feasibility, Plan, Violation};
 use crate::quantities::limits::{MOST_CANDIDATES, MOST_EXPERIMENTS};
 use crate::task::Task;
@@ -139,8 +140,25 @@ impl Candidates {
         seed: u64,
         watch: Watch<'_>,
     ) -> Result<(ExactDesign, Bound), SearchError> {
-        let mandatory = &task.design.mandatory;
-        let free = size.beside(mandatory);
+        let problem = Problem::among(task, criterion, &self.experiments);
+        let (mut exact, bound) = self.search(&problem, size, seed, watch)?;
+        if let Some(whole) = problem.with_left_out(&exact.plan) {
+            let (other, _) = self.search(&whole, size, seed, watch)?;
+            exact = exact.or_better(other, &whole);
+        }
+        Ok((exact, self.bound_of(&problem, bound)))
+    }
+
+    /// The same by one problem.
+    pub(super) fn search(
+        &self,
+        problem: &Problem<'_>,
+        size: PlanSize,
+        seed: u64,
+        watch: Watch<'_>,
+    ) -> Result<(ExactDesign, FiniteBound), SearchError> {
+        problem.check_excited()?;
+        let free = size.beside(&problem.task.design.mandatory);
         let effort = FiniteEffort {
             measurements: free.measurements,
             configurations: free.configurations,
@@ -148,34 +166,17 @@ impl Candidates {
             seed,
             is_thorough: true,
         };
-        let search = |problem: &Problem<'_>| {
-            problem.check_excited()?;
-            let found = self.finite(problem).search(effort, watch);
-            let found = found.map_err(SearchError::Candidates)?;
-            let mut plan = mandatory.clone();
-            plan.experiments
-                .extend(measured_of(&self.experiments, &found.plan));
-            if !problem.is_determined_by(&plan) {
-                return Err(SearchError::Singular {
-                    experiments: size.measurements,
-                    parameters: problem.parameters(),
-                });
-            }
-            let [searches, agreeing] = found.searches;
-            let exact = ExactDesign {
-                plan,
-                cost: found.cost,
-                searches,
-                agreeing,
-            };
-            Ok((exact, found.bound))
-        };
-        let problem = Problem::among(task, criterion, &self.experiments);
-        let (mut exact, bound) = search(&problem)?;
-        if let Some(whole) = problem.with_left_out(&exact.plan) {
-            exact = exact.or_better(search(&whole)?.0, &whole);
+        let found = self.finite(problem).search(effort, watch);
+        let found = found.map_err(SearchError::Candidates)?;
+        let chosen = measured_of(&self.experiments, &found.plan);
+        let exact = ExactDesign::beside_mandatory(problem, chosen, found.cost, found.searches);
+        if !problem.is_determined_by(&exact.plan) {
+            return Err(SearchError::Singular {
+                experiments: size.measurements,
+                parameters: problem.parameters(),
+            });
         }
-        Ok((exact, self.bound_of(&problem, bound)))
+        Ok((exact, found.bound))
     }
 
     /// What no plan of so many measurements of these candidates is better than, as near as the best weights tell it, and as
@@ -210,6 +211,51 @@ impl Candidates {
 
     /// The candidates by what they tell. Bounds speak about plans that hang one load in each configuration.
     fn finite<'p>(&'p self, problem: &'p Problem<'_>) -> FiniteProblem<'p> {
-        problem.choice_among(&self.experiments)
+        let all = &self.experiments;
+        let each: Vec<DMatrix<f64>> = (all.par_iter())
+            .map(|experiment| problem.told(experiment, 1))
+            .collect();
+        let mandatory = &problem.task.design.mandatory;
+        let configurations = numbered(all.len(), |place| all[place].pose(), |_, _| true);
+        let is_mandatory =
+            |place: &usize| (mandatory.experiments.iter()).any(|each| each.stands_as(&all[*place]));
+        let told = |measured: &[(usize, u32)]| {
+            let here = mandatory.experiments.iter();
+            let here = here
+                .filter(|each| each.stands_as(&all[measured[0].0]))
+                .cloned();
+            let here: Vec<Experiment> = here.collect();
+            match *measured {
+                [(only, times)] if here.is_empty() => problem.told(&all[only], times),
+                _ => {
+                    let before = problem.told_by(here.clone());
+                    problem.told_by([here, measured_of(all, measured)].concat()) - before
+                }
+            }
+        };
+        FiniteProblem {
+            criterion: problem.criterion,
+            test_poses: problem.test_poses.clone(),
+            beside: problem.information(mandatory),
+            told: CandidateInformation::of_all(problem.parameters(), &each),
+            most: all.iter().map(|each| each.repeats).collect(),
+            mandatory: (0..all.len())
+                .filter(is_mandatory)
+                .map(|place| configurations[place])
+                .collect(),
+            configurations,
+            told_together: (problem.is_shared_by_repeats())
+                .then(|| -> Box<ToldTogether<'p>> { Box::new(told) }),
+            bounds: None,
+        }
     }
+}
+
+/// Experiments of a list by their places, each measured so often.
+fn measured_of(all: &[Experiment], plan: &[(usize, u32)]) -> Vec<Experiment> {
+    let measured = plan.iter().map(|&(place, repeats)| Experiment {
+        repeats,
+        ..all[place].clone()
+    });
+    measured.collect()
 }

@@ -5,27 +5,25 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
-use super::choice::measured_of;
+use super::candidates::Candidates;
 use super::error::SearchError;
-use super::finite_search::FiniteEffort;
+use super::exact_design::ExactDesign;
 use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
 use super::size::PlanSize;
 use super::watch::Watch;
-use crate::experiment::{Experiment, together};
+use crate::experiment::{Candidate, Experiment, together};
 use crate::numeric::random::{generator, streams};
-use crate::plan::{Feasibility, Plan};
-use crate::quantities::limits::MOST_EXPERIMENTS;
+use crate::plan::Plan;
 
 /// Searches that know nothing of one another, between two looks at whether enough are done.
 const INDEPENDENT: usize = 8;
 /// Searches after these that exchange experiments of the best plans found so far.
 const RECOMBINED: usize = 4;
-/// So many experiments that searches met, and so many searches that choose from them.
+/// So many experiments that searches met are chosen from.
 const MET: usize = 200;
-const CHOICES: usize = 12;
 /// How many plans they take experiments from.
 const PARENTS: usize = 16;
 /// So many independent searches must agree on the best plan.
@@ -39,43 +37,6 @@ const POLISHED: usize = 2;
 const NEAR: f64 = 1.001;
 /// So many measurements are rounded: fewer are soon searched, and nearer.
 const MANY: u32 = 100;
-
-/// A plan with its cost.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ExactDesign {
-    /// The plan.
-    pub plan: Plan,
-    /// Its cost.
-    pub cost: f64,
-    /// How many searches there were that knew nothing of one another; none where rounding the approximate design is enough.
-    pub searches: usize,
-    /// How many of them ended within 0.1 % of that cost's root.
-    pub agreeing: usize,
-}
-
-impl ExactDesign {
-    /// A plan that searches ended in, beside the mandatory experiments; how many there were, and how many agree.
-    fn of(problem: &Problem<'_>, found: &Found, [searches, agreeing]: [usize; 2]) -> Self {
-        let chosen = found.points.iter().zip(&found.repeats);
-        let chosen = chosen.map(|(point, &repeats)| point.experiment(repeats));
-        let mandatory = problem.task.design.mandatory.experiments.iter().cloned();
-        Self {
-            plan: Plan {
-                experiments: mandatory.chain(chosen).collect(),
-            },
-            cost: found.cost,
-            searches,
-            agreeing,
-        }
-    }
-
-    /// This or another one, whichever a problem says is better.
-    pub(super) fn or_better(self, other: Self, problem: &Problem<'_>) -> Self {
-        let value = |each: &Self| problem.value(&each.plan).unwrap_or(f64::INFINITY);
-        let (own, others) = (value(&self), value(&other));
-        if others < own { other } else { self }
-    }
-}
 
 /// Searches the best plan of a size, the mandatory experiments of the task among it, from many starts: no worse than plans of as many
 /// measurements in at most as many configurations that are known.
@@ -101,13 +62,13 @@ pub fn exact_design(
     let beside = size.beside(mandatory);
     let near = rounded_design(problem, approximate, size.measurements, beside);
     let mut design = if let Some(near) = near {
-        Some(ExactDesign::of(problem, &near, [0, 0]))
+        Some(ExactDesign::ended(problem, &near, [0, 0]))
     } else {
         let known = known_plans(problem, known);
         let searched = search_plans(problem, approximate, beside, seed, watch, known);
         let best = (searched.ends.iter()).min_by(|one, other| one.cost.total_cmp(&other.cost));
-        let best = best.map(|best| ExactDesign::of(problem, best, searched.counts));
-        let other = with_several_loads(problem, beside, &searched.met, seed, watch);
+        let best = best.map(|best| ExactDesign::ended(problem, best, searched.counts));
+        let other = with_several_loads(problem, size, &searched.met, seed, watch);
         match (best, other) {
             (Some(best), Some(other)) if other.cost >= best.cost => Some(best),
             (best, other) => other.or(best),
@@ -117,9 +78,9 @@ pub fn exact_design(
     design.ok_or(singular)
 }
 
-/// The best plan of a size beside the mandatory experiments that is chosen from configurations that a search met, and mandatory ones, under
-/// each of the listed loads, read along each direction: where configurations are fewer than measurements several may be in one. None where
-/// nothing is to be chosen, or no plan determines the compliances.
+/// The best plan of a size that is chosen from configurations that a search met, and mandatory ones, under each of the listed loads, read
+/// along each direction: where configurations are fewer than measurements several may be in one. None where nothing is to be chosen, or no
+/// plan determines the compliances.
 fn with_several_loads(
     problem: &Problem<'_>,
     size: PlanSize,
@@ -129,63 +90,21 @@ fn with_several_loads(
 ) -> Option<ExactDesign> {
     let task = problem.task;
     let mandatory = &task.design.mandatory;
-    let loads = task.loads.listed()?;
-    let is_one = loads.len() * task.directions.len() == 1 && mandatory.experiments.is_empty();
-    if is_one || size.configurations >= size.measurements {
+    let loads = task.loads.listed()?.len();
+    let is_one = loads * task.directions.len() == 1 && mandatory.experiments.is_empty();
+    let free = size.beside(mandatory);
+    if is_one || free.configurations >= free.measurements {
         return None;
     }
-    let met = met.iter().map(|point| point.experiment(MOST_EXPERIMENTS));
-    let mut places: Vec<Experiment> = mandatory.experiments.iter().cloned().chain(met).collect();
+    let met = met.iter().map(|point| point.experiment(1));
+    let places: Vec<Experiment> = mandatory.experiments.iter().cloned().chain(met).collect();
     let firsts = together(places.len(), |place| places[place].pose(), |_, _| true);
-    places = (firsts.iter())
-        .map(|group| places[group[0]].clone())
-        .collect();
-    let offered = places.iter().flat_map(|place| {
-        let under = move |&load| {
-            (task.directions.iter()).map(move |&direction| Experiment {
-                load,
-                direction,
-                repeats: MOST_EXPERIMENTS,
-                ..place.clone()
-            })
-        };
-        loads.iter().flat_map(under)
-    });
-    let mut offered: Vec<Experiment> = offered.collect();
-    let is_possible: Vec<bool> = (offered.par_iter())
-        .map_init(
-            || Feasibility::new(task),
-            |feasibility, each| feasibility.violations_of(1, each).is_empty(),
-        )
-        .collect();
-    let mut is_kept = is_possible.into_iter();
-    offered.retain(|_| is_kept.next().unwrap_or(false));
-    if offered.is_empty() {
-        return None;
-    }
-    let effort = FiniteEffort {
-        measurements: size.measurements,
-        configurations: size.configurations,
-        searches: CHOICES,
-        seed,
-        is_thorough: true,
-    };
-    let found = (problem.choice_among(&offered)).search(effort, Watch::quiet(watch.stop));
-    let found = found.ok()?;
-    let chosen = measured_of(&offered, &found.plan);
-    Some(ExactDesign {
-        plan: Plan {
-            experiments: mandatory
-                .experiments
-                .iter()
-                .cloned()
-                .chain(chosen)
-                .collect(),
-        },
-        cost: found.cost,
-        searches: found.searches[0],
-        agreeing: found.searches[1],
-    })
+    let rows = firsts
+        .iter()
+        .map(|group| Candidate::at(places[group[0]].pose()));
+    let candidates = Candidates::new(task, &rows.collect::<Vec<_>>()).ok()?;
+    let found = candidates.search(problem, size, seed, Watch::quiet(watch.stop));
+    Some(found.ok()?.0)
 }
 
 /// The refined plan near the weights of an approximate design for the same criterion, of so many measurements, of which so many are free

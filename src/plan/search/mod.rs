@@ -18,11 +18,11 @@ mod budget;
 mod candidate_error;
 mod candidate_information;
 mod candidates;
-mod choice;
 mod correlated_choice;
 mod criteria;
 mod error;
 mod exact;
+mod exact_design;
 mod exchange;
 mod finite;
 mod finite_search;
@@ -54,7 +54,8 @@ pub(in crate::plan) use candidates::possible_of;
 pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
-pub use exact::{ExactDesign, exact_design};
+pub use exact::exact_design;
+pub use exact_design::ExactDesign;
 pub use finite::{
     CandidatePlan, FiniteBound, FiniteProblem, TogetherBounds, ToldTogether, measurements_in,
 };

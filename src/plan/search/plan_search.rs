@@ -2,7 +2,8 @@
 
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::error::SearchError;
-use super::exact::{ExactDesign, exact_design};
+use super::exact::exact_design;
+use super::exact_design::ExactDesign;
 use super::problem::Problem;
 use super::size::PlanSize;
 use super::watch::Watch;
