@@ -7,7 +7,7 @@ use super::bound::{Basis, Bound, Enumerated};
 use super::candidate_error::{CandidateError, LeftOutCandidates, OfferedCandidates};
 use super::candidate_information::CandidateInformation;
 use super::error::SearchError;
-use super::exact_design::ExactDesign;
+use super::exact_plan::ExactDesign;
 use super::finite::{FiniteBound, FiniteProblem, ToldTogether};
 use super::finite_search::FiniteEffort;
 use super::problem::Problem;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::approximate::ApproximateDesign;
 use super::candidates::Candidates;
 use super::error::SearchError;
-use super::exact_design::ExactDesign;
+use super::exact_plan::ExactDesign;
 use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::Problem;

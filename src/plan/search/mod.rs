@@ -22,7 +22,7 @@ mod correlated_choice;
 mod criteria;
 mod error;
 mod exact;
-mod exact_design;
+mod exact_plan;
 mod exchange;
 mod finite;
 mod finite_search;
@@ -55,7 +55,7 @@ pub use correlated_choice::{CorrelatedChoice, best_choice};
 pub use criteria::{CriterionPlan, compare_criteria};
 pub use error::SearchError;
 pub use exact::exact_design;
-pub use exact_design::ExactDesign;
+pub use exact_plan::ExactDesign;
 pub use finite::{
     CandidatePlan, FiniteBound, FiniteProblem, TogetherBounds, ToldTogether, measurements_in,
 };

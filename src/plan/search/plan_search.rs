@@ -3,7 +3,7 @@
 use super::approximate::{ApproximateDesign, approximate_design};
 use super::error::SearchError;
 use super::exact::exact_design;
-use super::exact_design::ExactDesign;
+use super::exact_plan::ExactDesign;
 use super::problem::Problem;
 use super::size::PlanSize;
 use super::watch::Watch;
