@@ -54,11 +54,6 @@ pub trait FitProblem {
     /// How short a step has to be in standard errors, after one that was as long as `before`.
     fn tolerance(&self, now: &FitPlace<Self::Kept>, before: Option<f64>) -> f64;
 
-    /// The place after a last short step, by the linear model; none where it needs equations of its own.
-    fn after(&self, _now: &FitPlace<Self::Kept>) -> Option<FitPlace<Self::Kept>> {
-        None
-    }
-
     /// After so many steps the curvature of what those that hardly become shorter leave is learnt.
     fn nearly_linear(&self) -> usize {
         NEARLY_LINEAR
@@ -107,17 +102,8 @@ pub fn gauss_newton<Problem: FitProblem>(
         let is_enough = iterations > PATIENCE && length <= SHORT;
         let is_nothing = now.step.amax() <= NOTHING;
         let last = before.as_ref().map(FitPlace::length);
-        let tolerance = problem.tolerance(&now, last);
-        if length <= tolerance || is_enough || is_nothing {
+        if length <= problem.tolerance(&now, last) || is_enough || is_nothing {
             return Ok((now, iterations));
-        }
-        // Steps that shrink as the last one did: the next one would be short enough.
-        let is_last = last.is_some_and(|last| length * (length / last) <= tolerance);
-        if is_last
-            && length <= SHORT
-            && let Some(next) = problem.after(&now)
-        {
-            return Ok((next, iterations));
         }
         if let Some(before) = &before {
             let steps_left = (MAXIMUM_ITERATIONS - iterations) as f64;

@@ -317,22 +317,6 @@ impl FitProblem for ReadingProblem<'_> {
         (self.basis).tr_mul(&change.component_div(&self.readings.set.scales()))
     }
 
-    fn after(&self, now: &ReadingPlace) -> Option<ReadingPlace> {
-        let change = self.change(&now.values, &now.step);
-        let step = change.component_div(&self.readings.set.scales());
-        let (mut equations, factor) = now.kept.clone();
-        equations.square +=
-            step.dot(&(&equations.information * &step)) - 2.0 * equations.gradient.dot(&step);
-        Some(FitPlace {
-            values: &now.values + change,
-            square: now.square - now.length().powi(2),
-            information: now.information.clone(),
-            gradient: DVector::zeros(now.gradient.len()),
-            step: DVector::zeros(now.step.len()),
-            kept: (equations, factor),
-        })
-    }
-
     /// Where the residuals alone count, standard errors are larger than the observations' own covariances make them.
     fn tolerance(&self, now: &ReadingPlace, _: Option<f64>) -> f64 {
         match self.haste {
