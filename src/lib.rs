@@ -40,8 +40,8 @@
 //! - [`mujoco`]: MJCF models in MuJoCo; the only user of the simulator's bindings.
 //! - [`robot`]: the serial chain read from the model; Jacobians, elastostatics, static equilibrium.
 //! - [`parameter`]: kinds of parameters, priors, error sources with their levels, and what is unidentifiable.
-//! - [`observation`]: readings, predicted with derivatives by any parameters.
 //! - [`experiment`]: plans of experiments, their files, and the set of loads that they may use.
+//! - [`observation`]: readings, predicted with derivatives by any parameters.
 //! - [`task`]: the planner's model, what must be accurate (the quantity of interest), and which experiments may
 //!   be made.
 //! - [`measurement`]: measured deflections, the laboratory's or the virtual robot's.

@@ -15,7 +15,7 @@ use crate::plan::{
 use crate::quantities::{limits::MOST_EXPERIMENTS, plausible::ACCURACY};
 use crate::record::absolute_plan::planned_readings;
 use crate::record::messages::plan_messages;
-use crate::workflow::identify::identify_measurements;
+use crate::workflow::identify::{contradictions, identify_measurements};
 
 use super::command_prelude::*;
 use super::identified::refuse_prior;
@@ -219,7 +219,7 @@ impl Next {
                 &plannings[place].offer
             )
         );
-        let mut conditions = Vec::new();
+        let mut conditions = contradictions(&task.belief, &taken, &self.readings.parameters);
         let (planning, found) = if counts.is_empty() {
             text += "Nothing more needs to be measured.\n";
             (plannings.swap_remove(place), None)

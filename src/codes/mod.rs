@@ -70,7 +70,7 @@ codes! {
         ControllerCompensates = "C0212",
         Inconsistency = "C0213",
         GeometryBeyondTolerance = "C0214",
-        MassFarFromPrior = "C0215",
+        FarFromPrior = "C0215",
         UnknownApproach = "C0216",
         SameJointErrors = "C0217",
         PredictionFailed = "C0301",

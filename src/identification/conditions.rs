@@ -137,6 +137,7 @@ impl Identification {
             ConditionCode::Unidentifiable.with(format!("the measurements do not determine {words}"))
         });
         let doubts = self.told().into_iter().filter_map(Result::ok);
+        let doubts = self.far_from_priors.clone().into_iter().chain(doubts);
         undetermined.chain(doubts).collect()
     }
 

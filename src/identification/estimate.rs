@@ -9,6 +9,8 @@ use super::discrepancy::three_rows;
 use super::equations::rows_of;
 use super::error::{FitResult, IdentificationError};
 use super::fit::{FitStart, fit_linear, fit_nonlinear};
+use super::prior_consistency::far_from_priors;
+use crate::codes::Condition;
 use crate::measurement::Measurement;
 use crate::numeric::posterior::Posterior;
 use crate::numeric::quantile::exceeded_with;
@@ -93,6 +95,8 @@ pub struct Identification {
     pub discrepancy: Option<[f64; 2]>,
     /// The rms of the coordinates of the deflections (m), and of their rotations (rad).
     pub deflections: [f64; 2],
+    /// The condition that estimates are far from their priors.
+    pub far_from_priors: Option<Condition>,
     /// Compliances that were to be identified and stay nominal, since measurements tell less of them; what they would be.
     pub stays_nominal: Vec<ParameterEstimate>,
     /// Whether all of them should: no compliance is determined better than its nominal value is right.
@@ -129,6 +133,7 @@ impl Case<'_> {
         let start = FitStart::new(self, near.is_some());
         let mut found = self.identify_from(&start, near)?;
         found.uncertain = self.others(&found.posterior);
+        found.far_from_priors = far_from_priors(self.belief.uncertain.set(), &found.posterior);
         Ok(found)
     }
 
@@ -219,6 +224,7 @@ impl Case<'_> {
                 .map(|chi| chi.cdf(sum_of_squares)),
             discrepancy: None,
             deflections: [squares / coordinates as f64, turned].map(f64::sqrt),
+            far_from_priors: None,
             stays_nominal: Vec::new(),
             is_all_weak: false,
             residuals_m: residuals_m.collect(),

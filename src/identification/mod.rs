@@ -19,6 +19,7 @@ mod nominal;
 mod outliers;
 pub mod patterns;
 mod prediction;
+mod prior_consistency;
 mod repeats;
 mod residuals;
 mod robust;

@@ -62,7 +62,7 @@ const fn middle_square(coordinates: usize) -> f64 {
 }
 
 /// The square over a variance from so many degrees of freedom that is exceeded as seldom as five standard deviations of one coordinate.
-fn far_square(coordinates: usize, freedom: f64) -> f64 {
+pub(super) fn far_square(coordinates: usize, freedom: f64) -> f64 {
     let far = [FAR_OUT * FAR_OUT, 31.812_3][usize::from(coordinates > 1)];
     if freedom.is_infinite() {
         return far;

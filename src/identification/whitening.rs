@@ -113,7 +113,8 @@ impl Case<'_> {
                         block += model.covariance_of_all(&own.load) * (share * share);
                     } else {
                         block *= model.unloaded().shared_part();
-                        block += model.covariance_shared(&own.load, &another.load);
+                        let pair = [own, another].map(|each| (&each.load, each.direction.as_ref()));
+                        block += model.covariance_shared(pair);
                     }
                 }
                 leave_rows_there(&mut block, [own, another]);
@@ -127,20 +128,30 @@ impl Case<'_> {
         covariance
     }
 
-    /// Adds what repeats of a displacement share of rounding, each with its row, to their covariance: by what is on its diagonal besides.
+    /// Adds what repeats of a displacement, each one row, share of rounding to the covariance of the members' rows: by what is on its
+    /// diagonal besides.
     fn round_alike(&self, members: &[usize], covariance: &mut DMatrix<f64>) {
         let step_m = self.belief.uncertain.along_step_m();
-        let is_along = |&place: &usize| self.measurements[place].direction.is_some();
-        if step_m <= 0.0 || !members.iter().all(is_along) {
+        if step_m <= 0.0 {
             return;
         }
         let all = covariance.diagonal();
-        for (row, column) in (0..all.len()).flat_map(|row| (0..row).map(move |other| (row, other)))
-        {
-            let variance = f64::midpoint(all[row], all[column]);
-            let shared = shared_by_repeats(step_m, variance, all[row].min(all[column]));
-            covariance[(row, column)] += shared;
-            covariance[(column, row)] += shared;
+        let mut along: Vec<(usize, &Measurement)> = Vec::new();
+        let mut row = 0;
+        for measured in members.iter().map(|&place| &self.measurements[place]) {
+            let repeated = along.iter().filter(|(_, other)| {
+                (other.load, other.direction) == (measured.load, measured.direction)
+            });
+            for &(other, _) in repeated {
+                let variance = f64::midpoint(all[row], all[other]);
+                let shared = shared_by_repeats(step_m, variance, all[row].min(all[other]));
+                covariance[(row, other)] += shared;
+                covariance[(other, row)] += shared;
+            }
+            if measured.direction.is_some() {
+                along.push((row, measured));
+            }
+            row += rows_of(measured);
         }
     }
 

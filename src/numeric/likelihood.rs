@@ -155,54 +155,79 @@ impl<F: Fn(&DVector<f64>) -> Option<Likelihood>> LimitedLikelihood<F> {
         Some((2.0 * less.max(0.0)).sqrt() - TWO_SIDED_95)
     }
 
-    /// Between the lower limit and the estimate: along deviations, with which the root of the likelihood ratio goes as a straight line.
+    /// Whether a value at its lower limit, all others at their likeliest, is not much less likely.
+    pub fn may_be_nothing(&self, best: &Likeliest, place: usize) -> bool {
+        let limit = self.limits[0][place];
+        let beyond = self.beyond(best, (place, limit), &mut best.at.clone());
+        best.at[place] <= limit || beyond.is_some_and(|beyond| beyond <= NEAR)
+    }
+
+    /// Between the lower limit and the estimate.
     fn lower_end(&self, best: &Likeliest, place: usize) -> Option<f64> {
         let (limit, value) = (self.limits[0][place], best.at[place]);
         let mut at = best.at.clone();
-        if value <= limit || self.beyond(best, (place, limit), &mut at)? <= NEAR {
+        if value <= limit {
             return Some(limit);
         }
-        at.copy_from(&best.at);
-        let deviation = |value: f64| (0.5 * value).exp();
-        let mut near = (deviation(value), -TWO_SIDED_95);
-        let mut far = (deviation(limit), TWO_SIDED_95);
-        for _ in 0..TRIES {
-            let tried = near.0 - near.1 * (far.0 - near.0) / (far.1 - near.1);
-            let beyond = self.beyond(best, (place, 2.0 * tried.ln()), &mut at)?;
-            let end = if beyond > 0.0 { &mut far } else { &mut near };
-            *end = (tried, beyond);
-            if beyond.abs() < NEAR {
-                break;
-            }
+        let beyond = self.beyond(best, (place, limit), &mut at)?;
+        if beyond <= NEAR {
+            return Some(limit);
         }
-        let end = if far.1 < -near.1 { far } else { near };
-        Some(2.0 * end.0.ln())
+        let near = (value, -TWO_SIDED_95);
+        self.between(best, place, near, (limit, beyond), best.at.clone())
     }
 
-    /// Beyond the estimate: along logarithms, by twice as much each time.
+    /// Beyond the estimate: by twice as much each time, and then back.
     fn upper_end(&self, best: &Likeliest, place: usize, reach: f64) -> Option<f64> {
         let limit = self.limits[1][place];
         let (mut at, mut step) = (best.at.clone(), reach);
         let mut near = (best.at[place], -TWO_SIDED_95);
-        let mut far: Option<(f64, f64)> = None;
-        for _ in 0..TRIES {
-            let value = match far {
-                None if near.0 >= limit => return Some(limit),
-                None => limit.min(near.0 + step),
-                Some(far) => near.0 - near.1 * (far.0 - near.0) / (far.1 - near.1),
-            };
+        while near.0 < limit {
+            let from = at.clone();
+            let value = limit.min(near.0 + step);
             let beyond = self.beyond(best, (place, value), &mut at)?;
-            if beyond.abs() < NEAR {
-                return Some(value);
+            if beyond > NEAR {
+                return self.between(best, place, near, (value, beyond), from);
             }
-            if beyond > 0.0 {
-                far = Some((value, beyond));
-            } else {
-                near = (value, beyond);
-                step *= 2.0;
-            }
+            near = (value, beyond);
+            step *= 2.0;
         }
-        far.map(|far| f64::midpoint(near.0, far.0))
+        Some(limit)
+    }
+
+    /// The end of an interval between a value in it and one beyond, from others that are likeliest beside the first: along deviations, with
+    /// which the root of the likelihood ratio goes as a straight line. An end that stays counts half, so that both come near.
+    fn between(
+        &self,
+        best: &Likeliest,
+        place: usize,
+        near: (f64, f64),
+        far: (f64, f64),
+        mut at: DVector<f64>,
+    ) -> Option<f64> {
+        let deviation = |(value, beyond): (f64, f64)| ((0.5 * value).exp(), beyond);
+        let mut ends = [deviation(near), deviation(far)];
+        let mut last = None;
+        let mut nearest = near;
+        for _ in 0..TRIES {
+            let [near, far] = ends;
+            let tried = near.0 - near.1 * (far.0 - near.0) / (far.1 - near.1);
+            let value = 2.0 * tried.ln();
+            let beyond = self.beyond(best, (place, value), &mut at)?;
+            if beyond.abs() < nearest.1.abs() {
+                nearest = (value, beyond);
+            }
+            if beyond.abs() < NEAR {
+                break;
+            }
+            let moved = usize::from(beyond > 0.0);
+            if last == Some(moved) {
+                ends[1 - moved].1 *= 0.5;
+            }
+            ends[moved] = (tried, beyond);
+            last = Some(moved);
+        }
+        Some(nearest.0)
     }
 }
 
@@ -244,6 +269,36 @@ mod tests {
                 let ratio = (count * (share - 1.0 - share.ln())).sqrt();
                 assert!((ratio - TWO_SIDED_95).abs() < 0.06, "{count}: {ratio}");
             }
+        }
+    }
+
+    /// A variance beside one that is known, and next to nothing: its interval ends where the ratio says, from however far below it is looked for.
+    #[test]
+    fn what_is_next_to_nothing_has_the_upper_end_of_its_ratio() {
+        for lowest in [-60.0, -36.0, -20.0] {
+            let (count, sum) = (40.0, 36.0);
+            let logarithm =
+                |variance: f64| -0.5 * (count * (1.0 + variance).ln() + sum / (1.0 + variance));
+            let of = LimitedLikelihood {
+                of: |at: &DVector<f64>| {
+                    let variance = at[0].exp();
+                    let [share, whole] = [variance / (1.0 + variance), 1.0 + variance];
+                    Some(Likelihood {
+                        logarithm: logarithm(variance),
+                        gradient: DVector::from_element(1, 0.5 * share * (sum / whole - count)),
+                        curvature: DMatrix::from_element(1, 1, 0.5 * count * share * share),
+                    })
+                },
+                limits: [lowest, 20.0].map(|limit| DVector::from_element(1, limit)),
+            };
+            let best = of.likeliest(DVector::zeros(1)).expect("a variance");
+            let [low, high] = of.interval95(&best, 0).expect("an interval");
+            assert!(low <= lowest, "{low}");
+            let ratio = (2.0 * (logarithm(0.0) - logarithm(high.exp()))).sqrt();
+            assert!(
+                (ratio - TWO_SIDED_95).abs() < 0.06,
+                "{lowest}: {high}, {ratio}"
+            );
         }
     }
 

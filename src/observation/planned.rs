@@ -14,6 +14,7 @@ use super::observed::ObservedRows;
 use super::reading::{DeflectionPrecision, Whitener};
 use super::reading_errors::for_each_effect;
 use super::shown::ShownRows;
+use crate::experiment::Experiment;
 use crate::parameter::{ElasticArm, ParameterSet, ReadingSource, Unloaded, counted_times};
 use crate::robot::{Approach, KinematicState, Kinematics, Load};
 
@@ -33,6 +34,9 @@ pub const NOTHING_READ: DeflectionPrecision = DeflectionPrecision {
     along_step_m: 0.0,
     reads_all: true,
 };
+
+/// A load, and the direction along which a deflection under it is read, where it is along one (unit vector, world frame).
+type LoadAlong<'r> = (&'r Load, Option<&'r Vector3<f64>>);
 
 /// The readings of an arm at one of its tools, at nominal parameters: derivatives with respect to parameters in units
 /// of their sizes, and covariances.
@@ -201,6 +205,19 @@ impl<'a> PlannedReadings<'a> {
         self.parameters
     }
 
+    /// Readings are from now on those of an experiment: approached and read along as it says, where it stands.
+    pub fn stand_at(&mut self, experiment: &Experiment) {
+        self.come_from(experiment.approach.as_ref());
+        self.read_along(experiment.direction.as_ref());
+        self.move_to(experiment.configuration_rad.as_slice());
+    }
+
+    /// The same of another experiment of this configuration, as often as it is repeated.
+    fn read_as(&mut self, experiment: &Experiment) {
+        self.set_repeats(experiment.repeats);
+        self.read_along(experiment.direction.as_ref());
+    }
+
     /// Moves to the joint angles `q` (rad).
     pub fn move_to(&mut self, q: &[f64]) {
         self.forget();
@@ -307,12 +324,18 @@ impl<'a> PlannedReadings<'a> {
         self.precision.unloaded
     }
 
-    /// What one of the sources adds to the covariance of two deflections of this configuration under these loads.
-    fn covariance_between(&self, source: &ReadingSource, one: &Load, other: &Load) -> Matrix6<f64> {
+    /// What one of the sources adds to the covariance of two deflections of this configuration, each under a load and along a direction
+    /// where it is along one.
+    fn covariance_between(
+        &mut self,
+        source: &ReadingSource,
+        [one, other]: [LoadAlong<'_>; 2],
+    ) -> Matrix6<f64> {
         match source.shared_part(self.unloaded()) {
             0.0 => Matrix6::zeros(),
             part => {
-                let effects = |load| {
+                let mut effects = |(load, direction)| {
+                    self.read_along(direction);
                     let mut effects = Vec::new();
                     self.for_each_effect(source, load, &mut |effect| effects.push(effect));
                     effects
@@ -326,10 +349,10 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// What all sources add to it.
-    pub fn covariance_shared(&self, one: &Load, other: &Load) -> Matrix6<f64> {
+    pub fn covariance_shared(&mut self, pair: [LoadAlong<'_>; 2]) -> Matrix6<f64> {
         let sources = self.sources.iter();
         sources
-            .map(|source| self.covariance_between(source, one, other))
+            .map(|source| self.covariance_between(source, pair))
             .sum()
     }
 
@@ -368,17 +391,17 @@ impl<'a> PlannedReadings<'a> {
         })
     }
 
-    /// The covariance of the readings of this configuration's experiments: loads, and how often they are measured.
-    pub fn covariance_together(&mut self, experiments: &[(Load, u32)]) -> CovarianceTogether {
+    /// The covariance of the readings of this configuration's experiments.
+    pub fn covariance_together(&mut self, experiments: &[&Experiment]) -> CovarianceTogether {
         let rows = self.rows();
         let together = |block: &mut dyn FnMut(usize, usize) -> Matrix6<f64>| {
             let size = rows * experiments.len();
             let mut all = DMatrix::zeros(size, size);
-            for (row, &(_, repeats)) in experiments.iter().enumerate() {
-                for (column, &(_, others)) in experiments.iter().enumerate() {
+            for (row, one) in experiments.iter().enumerate() {
+                for (column, other) in experiments.iter().enumerate() {
                     let mut block = block(row, column);
                     if row != column {
-                        block *= (f64::from(repeats) * f64::from(others)).sqrt();
+                        block *= (f64::from(one.repeats) * f64::from(other.repeats)).sqrt();
                     }
                     let mut place = all.view_mut((rows * row, rows * column), (rows, rows));
                     place.copy_from(&block.view((0, 0), (rows, rows)));
@@ -389,23 +412,25 @@ impl<'a> PlannedReadings<'a> {
         let part = self.precision.unloaded.shared_part();
         let noise = self.precision.covariance();
         let noise = together(&mut |row, column| {
-            let (load, repeats) = &experiments[row];
-            self.set_repeats(*repeats);
+            self.read_as(experiments[row]);
             noise
                 * if row == column {
-                    self.noise_times(load)
+                    self.noise_times(&experiments[row].load)
                 } else {
                     part
                 }
         });
         let sources = self.sources.iter().map(|source| {
             together(&mut |row, column| {
-                let (load, repeats) = &experiments[row];
                 if row == column {
-                    self.set_repeats(*repeats);
-                    self.added(source, load)
+                    self.read_as(experiments[row]);
+                    self.added(source, &experiments[row].load)
                 } else {
-                    self.covariance_between(source, load, &experiments[column].0)
+                    let pair = [row, column].map(|place| {
+                        let experiment = experiments[place];
+                        (&experiment.load, experiment.direction.as_ref())
+                    });
+                    self.covariance_between(source, pair)
                 }
             })
         });
@@ -416,12 +441,13 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The derivatives of the readings of this configuration's experiments, one below the other.
-    pub fn derivatives_together(&self, experiments: &[(Load, u32)]) -> DMatrix<f64> {
+    pub fn derivatives_together(&mut self, experiments: &[&Experiment]) -> DMatrix<f64> {
         let (rows, size) = (self.rows(), self.parameters());
         let mut all = DMatrix::zeros(rows * experiments.len(), size);
         let mut derivatives = Matrix6xX::zeros(size);
-        for (place, (load, _)) in experiments.iter().enumerate() {
-            self.derivatives(load, &mut derivatives);
+        for (place, experiment) in experiments.iter().enumerate() {
+            self.read_as(experiment);
+            self.derivatives(&experiment.load, &mut derivatives);
             let mut own = all.rows_mut(rows * place, rows);
             own.copy_from(&derivatives.rows(0, rows));
         }
@@ -429,7 +455,7 @@ impl<'a> PlannedReadings<'a> {
     }
 
     /// The rows of each of this configuration's experiments, whitened together: the sum of r A^T A over them is what they tell.
-    pub fn observe_together(&mut self, experiments: &[(Load, u32)]) -> Vec<DMatrix<f64>> {
+    pub fn observe_together(&mut self, experiments: &[&Experiment]) -> Vec<DMatrix<f64>> {
         let mut derivatives = self.derivatives_together(experiments);
         let covariance = self.covariance_together(experiments);
         covariance.whiten(experiments, &mut derivatives);

@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, Matrix3xX};
 
 use super::{Experiment, Plan};
 use crate::observation::PlannedReadings;
-use crate::robot::Load;
 use crate::task::{Belief, Extended};
 
 /// The planner's model of an experiment: the nominal robot with the calibration tool.
@@ -87,8 +86,8 @@ impl<'a> ExperimentModel<'a> {
         if let [only] = experiments {
             return vec![rows_of(model, self.belief, only)];
         }
-        stand_at(model, experiments[0]);
-        let rows = model.observe_together(&hung(experiments));
+        model.stand_at(experiments[0]);
+        let rows = model.observe_together(experiments);
         rows.into_iter()
             .map(|rows| rows * self.belief.instrument.sigma_m)
             .collect()
@@ -104,7 +103,7 @@ pub(super) fn rows_of(
     let (size, blocks) = (model.parameters(), model.rows() / 3);
     let mut matrix = Matrix3xX::zeros(blocks * size);
     model.set_repeats(experiment.repeats);
-    stand_at(model, experiment);
+    model.stand_at(experiment);
     model.observe(&experiment.load, &mut matrix);
     matrix *= belief.instrument.sigma_m;
     let mut rows = DMatrix::zeros(3 * blocks, size);
@@ -138,18 +137,4 @@ pub fn sharing_groups(plan: &Plan, is_shared: bool) -> Vec<Vec<&Experiment>> {
     let mut groups: Vec<Vec<&Experiment>> = groups.collect();
     groups.sort_by_key(|group| group.len() > 1);
     groups
-}
-
-/// Planned readings are from now on those of an experiment: approached and read along as it says, where it stands.
-pub fn stand_at(readings: &mut PlannedReadings<'_>, experiment: &Experiment) {
-    readings.come_from(experiment.approach.as_ref());
-    readings.read_along(experiment.direction.as_ref());
-    readings.move_to(experiment.configuration_rad.as_slice());
-}
-
-/// What hangs in a configuration, and how often it is measured.
-pub fn hung(experiments: &[&Experiment]) -> Vec<(Load, u32)> {
-    let each = experiments.iter();
-    each.map(|experiment| (experiment.load, experiment.repeats))
-        .collect()
 }

@@ -17,8 +17,8 @@ use nalgebra::DMatrix;
 
 use super::uncertainty_budget::{Squares, UncertaintyBudget, common};
 use super::{
-    Experiment, ExperimentModel, Plan, as_repeats, hung, posterior, quantile95_m, rho0_m,
-    sharing_groups, stand_at, task_rows,
+    Experiment, ExperimentModel, Plan, as_repeats, posterior, quantile95_m, rho0_m, sharing_groups,
+    task_rows,
 };
 use crate::numeric::posterior::Posterior;
 use crate::observation::{CovarianceTogether, PlannedReadings};
@@ -118,15 +118,14 @@ fn weights_of_readings(
     model: &mut PlannedReadings<'_>,
     experiments: &[&Experiment],
 ) -> Option<(DMatrix<f64>, CovarianceTogether)> {
-    stand_at(model, experiments[0]);
-    let hung = hung(experiments);
-    let covariance = model.covariance_together(&hung);
+    model.stand_at(experiments[0]);
+    let covariance = model.covariance_together(experiments);
     let inverse = covariance.all().cholesky()?.inverse();
-    let mut seen = model.derivatives_together(&hung);
+    let mut seen = model.derivatives_together(experiments);
     let rows = model.rows();
-    for (place, (_, repeats)) in hung.iter().enumerate() {
+    for (place, experiment) in experiments.iter().enumerate() {
         let mut own = seen.rows_mut(rows * place, rows);
-        own *= f64::from(*repeats).sqrt();
+        own *= f64::from(experiment.repeats).sqrt();
     }
     Some((gain * seen.transpose() * inverse, covariance))
 }

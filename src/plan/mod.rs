@@ -18,7 +18,7 @@ mod uncertainty_budget;
 
 pub use crate::experiment::{Experiment, Plan, read_plan, write_plan};
 use accuracy::rows_of;
-pub use accuracy::{ExperimentModel, as_repeats, hung, sharing_groups, stand_at};
+pub use accuracy::{ExperimentModel, as_repeats, sharing_groups};
 pub use assessment::{Assessment, FurtherError, violated};
 pub use conditions::less_than_nominal;
 pub use contributions::left_by_readings;

@@ -101,6 +101,11 @@ pub fn bounds_of(region: &Region) -> Vec<SmoothBound> {
 }
 
 impl SmoothBound {
+    /// Whether it bounds what a load moves.
+    pub const fn is_of_load(&self) -> bool {
+        matches!(self.of, Bounded::Torque(_))
+    }
+
     /// What a margin goes down by where what is bounded grows by one.
     fn slope(&self) -> f64 {
         let slope = match self.of {

@@ -8,7 +8,7 @@ use crate::observation::{CovarianceTogether, PlannedReadings};
 use crate::parameter::{
     ElasticArm, ParameterKind, ParameterSet, ReadingSource, Source, Unloaded, log_ratio,
 };
-use crate::plan::{Experiment, ExperimentModel, hung};
+use crate::plan::{Experiment, ExperimentModel};
 use crate::robot::{Kinematics, Load, TrueRobot};
 use crate::task::{Belief, Task, TestPose};
 use crate::testbed::{Circumstances, Truth};
@@ -168,7 +168,7 @@ impl<'a> Deviations<'a> {
             }
             (seen.rows_mut(height * place, height)).copy_from(&own.rows(0, height));
         }
-        (self.together(&self.believed, experiments)).whiten(&hung(experiments), &mut seen);
+        (self.together(&self.believed, experiments)).whiten(experiments, &mut seen);
         seen *= self.belief.instrument.sigma_m;
         let laws = (0..).map(|place| seen.rows(height * place, height).into_owned());
         (rows.into_iter().zip(laws))
@@ -279,9 +279,8 @@ impl<'a> Deviations<'a> {
     ) -> CovarianceTogether {
         let nothing = ParameterSet::empty();
         let mut model = self.readings_of(&nothing, 0, sources);
-        model.read_along(experiments[0].direction.as_ref());
         model.move_to(experiments[0].configuration_rad.as_slice());
-        model.covariance_together(&hung(experiments))
+        model.covariance_together(experiments)
     }
 
     /// The covariance of the readings of experiments of one configuration, in truth.

@@ -12,8 +12,8 @@ use crate::identification::patterns::{Patterns, looked_at};
 use crate::identification::{
     AbsoluteCase, AbsoluteFit, AbsoluteMessage, Case, FitChoices, Identification,
     IdentificationBasis, IdentificationError, IdentificationMessage, Inconsistencies,
-    MeasurementResidual, ModelSelection, ParameterGroup, RejectedReading, RepeatComponents,
-    Repeats, Robustness, Told, left_out, residuals,
+    MeasurementResidual, ModelSelection, ParameterGroup, ReadingWeights, RejectedReading,
+    RepeatComponents, Repeats, Robustness, Told, left_out, residuals,
 };
 use crate::measurement::{AbsoluteReading, Digested, Measurement, digests_of};
 use crate::numeric::tolerance::ends;
@@ -247,6 +247,18 @@ pub fn identify_absolute<'a>(
         case,
         fit,
     })
+}
+
+/// What in absolute readings contradicts the planner's model, by which accuracies are predicted; nothing where they cannot be fitted yet.
+pub fn contradictions(
+    belief: &Belief,
+    readings: &[AbsoluteReading],
+    groups: &[ParameterGroup],
+) -> Vec<Condition> {
+    let weights = ReadingWeights::AsNeeded;
+    let fit = chosen(belief, readings, FitChoices::weighed(weights))
+        .and_then(|mut case| case.fit(groups, weights));
+    fit.map_or_else(|_| Vec::new(), |fit| fit.contradictions(belief))
 }
 
 /// The halves of joint space beside each other.

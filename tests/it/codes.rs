@@ -9,16 +9,12 @@ use serde_json::json;
 use crate::support::{Workplace, list, project, scenario_text};
 
 /// Conditions that no test makes: what they need is named.
-const NOT_MADE: [(ConditionCode, &str); 4] = [
+const NOT_MADE: [(ConditionCode, &str); 3] = [
     (
         ConditionCode::BelowBound,
         "searches for a bound that miss what a plan has",
     ),
     (ConditionCode::NoWay, "an obstacle in the only way back"),
-    (
-        ConditionCode::MassFarFromPrior,
-        "a payload three times as heavy as it is known to be",
-    ),
     (
         ConditionCode::NotReproduced,
         "another paper: what it is made of is tested in `reproduction`",

@@ -516,7 +516,7 @@ fn gears_err_alike_under_all_loads() {
         columns.fixed_rows::<3>(0).into_owned()
     });
     let expected = &one * other.transpose() * 3e-3_f64.powi(2);
-    let found = model.covariance_shared(&loads[0], &loads[1]);
+    let found = model.covariance_shared([(&loads[0], None), (&loads[1], None)]);
     let found = found.fixed_view::<3, 3>(0, 0).into_owned();
     assert!((found - expected).norm() < 1e-12 * expected.norm());
     assert!((found - found.transpose()).norm() > 1e-3 * found.norm());

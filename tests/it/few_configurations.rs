@@ -1,7 +1,7 @@
 //! Plans of few configurations, in which several loads may hang and mandatory experiments may be repeated: none is better.
 
 use elastocal::experiment::is_one_configuration;
-use elastocal::plan::{Assessment, Experiment, Plan, write_plan};
+use elastocal::plan::{Assessment, Experiment, Feasibility, Plan, read_plan, write_plan};
 use elastocal::robot::Load;
 use elastocal::scenario::Scenario;
 use serde_json::Value;
@@ -128,24 +128,53 @@ fn no_plan_of_few_configurations_is_better() {
 }
 
 /// Without candidates, too, several loads hang in one configuration: under one load it does not determine five compliances. More
-/// configurations are no worse.
+/// configurations are no worse, and no configuration is better a little turned with all that hangs there.
 #[test]
 fn several_loads_hang_in_one_configuration() {
     let place = Workplace::new();
-    let mut before = f64::INFINITY;
-    two_loads(&place, "s.toml", "experiments = 6");
-    let text = place.read("s.toml");
-    let three = text.replace("wrenches = [", "wrenches = [{ force_n = [1500, 0, 0] }, ");
-    place.write("s.toml", three);
-    for configurations in 1..=3 {
-        let plan = format!("plan s.toml --configurations {configurations}");
-        let found = rho0_mm(&place.json(&format!("{plan} --no-proof --plan-out found.csv")));
-        let told = rho0_mm(&place.json("evaluate s.toml --plan found.csv --no-proof"));
-        assert!((found / told - 1.0).abs() < 1e-6, "{found} for {told}");
-        assert!(
-            found < before * 1.001,
-            "{configurations}: {found} after {before}"
-        );
-        before = found;
+    two_loads(&place, "two.toml", "experiments = 6");
+    let two = place.read("two.toml");
+    place.write(
+        "list.toml",
+        two.replace("wrenches = [", "wrenches = [{ force_n = [1500, 0, 0] }, "),
+    );
+    let (head, tail) = two.split_once("kind = \"list\"").expect("a list");
+    let (_, tail) = tail.split_once('\n').expect("wrenches");
+    let (_, tail) = tail.split_once('\n').expect("more");
+    let any = format!("{head}kind = \"any\"\nforce_max_n = 2500\n{tail}");
+    place.write("any.toml", any);
+    for scenario in ["list.toml", "any.toml"] {
+        let mut before = f64::INFINITY;
+        let task = Scenario::load(&place.path(scenario)).expect("valid").task;
+        for configurations in 1..=3 {
+            let plan = format!("plan {scenario} --configurations {configurations}");
+            let found = rho0_mm(&place.json(&format!("{plan} --no-proof --plan-out found.csv")));
+            let evaluate = format!("evaluate {scenario} --plan found.csv --no-proof");
+            let told = rho0_mm(&place.json(&evaluate));
+            assert!((found / told - 1.0).abs() < 1e-6, "{found} for {told}");
+            assert!(
+                found < before * 1.001,
+                "{scenario}, {configurations}: {found} after {before}"
+            );
+            before = found;
+            let plan = read_plan(&place.path("found.csv"), 6).expect("a plan");
+            for (group, joint) in (plan.by_configuration().into_iter())
+                .flat_map(|group| (0..6).map(move |joint| (group.clone(), joint)))
+            {
+                for step in [-0.02, 0.02] {
+                    let mut turned = plan.clone();
+                    for &each in &group {
+                        turned.experiments[each].configuration_rad[joint] += step;
+                    }
+                    let is_possible = Feasibility::new(&task).violations(&turned).is_empty();
+                    let rho0_m = Assessment::new(&task, &turned, None).rho0_m;
+                    let rho0_m = rho0_m.filter(|_| is_possible).unwrap_or(f64::INFINITY);
+                    assert!(
+                        rho0_m * 1e3 > found * (1.0 - 1e-6),
+                        "{scenario}, {configurations}: {rho0_m}, joint {joint} turned by {step}"
+                    );
+                }
+            }
+        }
     }
 }

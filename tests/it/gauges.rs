@@ -354,12 +354,6 @@ fn what_no_gauge_can_do_is_refused() {
         ["resolution_mm = 0.001", "resolution_mm = 20"],
         ["instrument.resolution_mm", "instrument.range_mm is 10"],
     );
-    let discrepancy = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.01\n[design]";
-    assert_change_refused(
-        GAUGE,
-        ["[design]", discrepancy],
-        ["kind", "shared by all deflections"],
-    );
 
     let place = Workplace::new();
     let text = scenario_text(GAUGE);
@@ -448,12 +442,20 @@ fn a_gauge_and_a_tracker_tell_as_much_as_each() {
     );
 }
 
-/// With all error sources, each of its own instrument: what virtual robots leave is what is predicted, and intervals cover.
+/// With all error sources, each of its own instrument, and one that readings of a configuration share, whichever instrument makes them and
+/// along whichever direction: what virtual robots leave is what is predicted, and intervals cover.
 #[test]
 fn mixed_campaigns_are_predicted() {
-    let text = beside(&scenario_text(GAUGE));
+    let shared = "[[uncertainty]]\nkind = \"discrepancy\"\nstd_mm = 0.03\n[[test_pose]]";
+    let text = beside(&scenario_text(GAUGE)).replacen("[[test_pose]]", shared, 1);
     let scenario = loaded(&text);
-    let plan = of_both(&scenario);
+    let mut plan = six(&scenario);
+    let directions = [Some(Vector3::z()), None, Some(Vector3::x())];
+    for place in 0..plan.experiments.len() {
+        plan.experiments[place].configuration_rad =
+            plan.experiments[place / 3].configuration_rad.clone();
+        plan.experiments[place].direction = directions[place % 3];
+    }
     let place = Workplace::new();
     let (head, _) = text.split_once("[[plan]]").expect("a plan");
     let head = head.replace("experiments = 9", "experiments = 6");

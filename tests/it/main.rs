@@ -178,6 +178,7 @@ mod input_errors;
 mod installed;
 mod interruptions;
 mod joint_errors;
+mod joint_functions;
 mod judge;
 mod judges;
 mod kept_gears;

@@ -86,7 +86,7 @@ impl<'a> LinearWorld<'a> {
             model.move_to(experiment.configuration_rad.as_slice());
             model.derivatives(&load, &mut jacobian);
             let three = |all: Matrix6<f64>| all.fixed_view::<3, 3>(0, 0).into_owned();
-            let shared = three(model.covariance_shared(&load, &load));
+            let shared = three(model.covariance_shared([(&load, None); 2]));
             let all = three(precision.covariance() + model.covariance_of_all(&load));
             let new = root(to_dynamic(&(all - shared)));
             let exact: Vector3<f64> = deflection(arm, &experiment.configuration_rad, &load)

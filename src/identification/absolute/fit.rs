@@ -9,6 +9,7 @@ use super::super::fit::{Haste, ParameterFit};
 use super::super::frames::reach;
 use super::super::nominal::{UNKNOWN, UNKNOWN_TOGETHER, with_nominal};
 use super::super::outliers::{self, IMPLAUSIBLE};
+use super::super::prior_consistency::far_from_priors;
 use super::choices::ReadingWeights;
 use super::{
     AbsoluteCase, CopiedReadings, FitResult, IdentificationError, JointError, LeftOut,
@@ -28,7 +29,7 @@ const MOST_TURNED_RAD: f64 = 0.05;
 const MOST_SHIFTED_M: f64 = 0.02;
 /// Instruments err by no smaller a share of the standard deviations that are given for them, unless these are in another unit.
 const OVERSTATED: f64 = 1e-2;
-/// Further from what is believed, in standard deviations of that, is told.
+/// Corrections of fewer standard errors are no matter of tolerances.
 const FAR: f64 = 2.0;
 
 /// The probability of residuals at least as large; none where nothing is left over.
@@ -162,6 +163,10 @@ impl<'a> AbsoluteCase<'a> {
             let mut other = with_nominal(fit, &fit.posterior.covariance, UNKNOWN);
             if other.is_none() {
                 found.discrepancy_model = self.unexplained(&mut found);
+                if !are_given && let Some(rejected) = self.far_out_of_model(&found) {
+                    found = self.fit_without(&rejected, &set, Some(&found))?;
+                    found.discrepancy_model = self.unexplained(&mut found);
+                }
                 other = (found.discrepancy_model.as_ref()).and_then(|model| {
                     with_nominal(&found.fit, &model.covariance, UNKNOWN_TOGETHER)
                 });
@@ -176,8 +181,7 @@ impl<'a> AbsoluteCase<'a> {
     /// What a fit leaves: as the planner's model says, or as the readings tell; none where neither does.
     fn unexplained(&self, found: &mut KeptFit<'a>) -> Option<Unexplained> {
         let (case, fit) = (&found.case, &mut found.fit);
-        let rest = || case.mixed(fit, found.discrepancy?)?.1.rest();
-        if let Some(known) = self.known_components(rest)
+        if let Some(known) = self.known_components([0.0; 2])
             && let Some(beside) = case.with_known(fit, &known)
         {
             // What is left beside the functions may be more than readings were weighed by.
@@ -279,9 +283,7 @@ impl<'a> AbsoluteCase<'a> {
         let (mut case, mut consistency) = (by_known.case, by_known.consistency);
         let (fit, discrepancy) = match (by_known.counted, by_known.own) {
             (Some((counted, fit)), _) => {
-                if consistency.is_some_and(|probability| probability < IMPLAUSIBLE) {
-                    consistency = consistency_of(&fit);
-                }
+                consistency = consistency_of(&fit);
                 case = counted;
                 (fit, None)
             }
@@ -485,10 +487,24 @@ impl AbsoluteFit {
                 ));
             }
         }
-        conditions.extend(self.beyond_belief());
+        conditions.extend(self.beyond_tolerances());
+        conditions.extend(far_from_priors(&self.set, &self.posterior));
         conditions.extend(self.copies.conditions("reading"));
         conditions.extend(self.handled().filter_map(Result::ok));
         conditions
+    }
+
+    /// What contradicts the planner's model: estimates far from their priors, and residuals that its error sources do not explain.
+    pub fn contradictions(&self, belief: &Belief) -> Vec<Condition> {
+        let has_functions = !belief.uncertain.joint_functions().is_empty();
+        let unexplained = self.discrepancy.filter(|_| !has_functions).map(|[position_m, _]| {
+            ConditionCode::ResidualsTooLarge.with(format!(
+                "residuals show a model discrepancy of {:.4} mm that the scenario does not have: predicted accuracies do not count it",
+                position_m * 1e3
+            ))
+        });
+        let far = far_from_priors(&self.set, &self.posterior);
+        unexplained.into_iter().chain(far).collect()
     }
 
     /// What holds since the fit counts it, and nobody need act on.
@@ -511,40 +527,24 @@ impl AbsoluteFit {
         rejected.into_iter().chain(residuals)
     }
 
-    /// Corrections of geometry that no maker's tolerances explain; and masses and centres that are further from what is believed than
-    /// this is uncertain: in their weak directions the fit puts what no other parameter explains.
-    fn beyond_belief(&self) -> impl Iterator<Item = Condition> {
-        let (mut geometry, mut masses) = (Vec::new(), Vec::new());
-        for (index, each) in self.of_the_robot() {
+    /// Corrections of geometry that no maker's tolerances explain.
+    fn beyond_tolerances(&self) -> Option<Condition> {
+        let far = self.of_the_robot().filter_map(|(index, each)| {
             let off = self.posterior.mean[index] - self.set.prior().mean[index];
-            let (most, unit) = match (each.kind, each.prior_deviation) {
-                (ParameterKind::LinkPosition { .. }, _) => (MOST_SHIFTED_M, "mm"),
-                (ParameterKind::JointZero { .. } | ParameterKind::LinkRotation { .. }, _) => {
+            let (most, unit) = match each.kind {
+                ParameterKind::LinkPosition { .. } => (MOST_SHIFTED_M, "mm"),
+                ParameterKind::JointZero { .. } | ParameterKind::LinkRotation { .. } => {
                     (MOST_TURNED_RAD, "mrad")
                 }
-                (kind, Some(deviation)) if kind.is_of_mass() => {
-                    let share = off.abs() / deviation;
-                    if share > FAR {
-                        masses.push(format!("{} by {share:.1}", each.name));
-                    }
-                    continue;
-                }
-                _ => continue,
+                _ => return None,
             };
-            let error = self.posterior.standard_error(index);
-            if error.is_some_and(|error| off.abs() > most.max(FAR * error)) {
-                geometry.push(format!("{} by {:.1} {unit}", each.name, off * 1e3));
-            }
-        }
-        let told = |code: ConditionCode, words: &str, far: &[String]| {
-            (!far.is_empty()).then(|| code.with(format!("{words}: {}", far.join(", "))))
-        };
-        let beyond = "beyond manufacturing tolerances";
-        let far = "masses far from their priors, in prior standard deviations";
-        let both = [
-            told(ConditionCode::MassFarFromPrior, far, &masses),
-            told(ConditionCode::GeometryBeyondTolerance, beyond, &geometry),
-        ];
-        both.into_iter().flatten()
+            let error = self.posterior.standard_error(index)?;
+            (off.abs() > most.max(FAR * error))
+                .then(|| format!("{} by {:.1} {unit}", each.name, off * 1e3))
+        });
+        let far: Vec<String> = far.collect();
+        let code = ConditionCode::GeometryBeyondTolerance;
+        let words = far.join(", ");
+        (!far.is_empty()).then(|| code.with(format!("beyond manufacturing tolerances: {words}")))
     }
 }

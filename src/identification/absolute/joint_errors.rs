@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 use statrs::distribution::FisherSnedecor;
 
 use super::super::discrepancy::six_rows;
+use super::super::outliers::far_square;
 use super::super::spread::logarithm;
 use super::residuals::{LinearReading, with_joints};
 use super::{FitResult, ReadingResidual};
@@ -290,6 +291,16 @@ impl DiscrepancyModel {
             covariance: six_rows(covariance),
             is_within,
         }
+    }
+
+    /// Whether a reading that was not fitted lies as far out of its prediction at commanded angles as no correct one does.
+    pub(super) fn is_far_out(&self, local: &LocalRows, q: &[f64]) -> bool {
+        let covariance = self.covariance_of(local);
+        [0, 1].iter().any(|&part| {
+            let square = region_square(&local.left, &covariance, 3 * part);
+            let scale = self.scale[part] * self.relative_to_whole(part, q);
+            square.is_some_and(|square| square > far_square(3, f64::INFINITY) * scale)
+        })
     }
 
     /// Of a setup's target, in the frame of its station. `set` are those of the model's parameters that it depends on, at their `places`

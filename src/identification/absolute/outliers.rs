@@ -87,6 +87,28 @@ impl<'a> AbsoluteCase<'a> {
         Some(found)
     }
 
+    /// Those rejected readings that lie far out of what the model of the others' residuals predicts, too: what joints are off by moves a tool
+    /// further the further it is from their axes. None where all do, or there is no such model.
+    pub(super) fn far_out_of_model(&self, found: &KeptFit<'a>) -> Option<Vec<RejectedReading>> {
+        let (fit, model) = (&found.fit, &found.discrepancy_model.as_ref()?.model);
+        if found.rejected.is_empty() {
+            return None;
+        }
+        let joints: Vec<usize> = model.joints.iter().map(|each| each.joint).collect();
+        let out = self.part_of(|place| found.rejected.iter().any(|each| each.reading == place));
+        let rows = out.rows_at(&found.case.arm, &fit.set, &fit.posterior.mean, &joints);
+        let rows = rows.ok()?;
+        let places: Vec<usize> = (0..fit.set.len()).collect();
+        let is_out = rows.iter().zip(&out.observations).map(|(rows, each)| {
+            let q = each.setup.commanded_rad.as_slice();
+            model.is_far_out(&model.local(rows, &places, q), q)
+        });
+        let mut rejected = found.rejected.clone();
+        let mut is_out = is_out.collect::<Vec<bool>>().into_iter();
+        rejected.retain(|_| is_out.next().unwrap_or(true));
+        (rejected.len() < found.rejected.len()).then_some(rejected)
+    }
+
     /// What lies far out of a fit of frames, geometry and compliances alone, where gross errors drive masses and springs anywhere.
     pub(super) fn far_out_of_fewer(
         &self,

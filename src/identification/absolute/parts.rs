@@ -79,7 +79,7 @@ impl<'a> AbsoluteCase<'a> {
         let model = all.discrepancy_model.as_ref();
         let rest = model.map_or(all.discrepancy.unwrap_or_default(), |each| each.model.rest);
         // What readings share by the planner's model is in their weights already.
-        let known = self.known_components(|| Some(rest));
+        let known = self.known_components(rest);
         let left = match (&known, model) {
             (Some(_), Some(model)) => &model.left,
             _ => &all.left,

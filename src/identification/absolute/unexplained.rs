@@ -43,23 +43,17 @@ impl AbsoluteCase<'_> {
     }
 
     /// What the planner's model says of what the parameters leave: joint error functions, with what is new at each visit where it says that
-    /// and `rest`, or nothing, where it does not; none where it has no functions, or weighs readings by them already.
-    pub(super) fn known_components(
-        &self,
-        rest: impl FnOnce() -> Option<[f64; 2]>,
-    ) -> Option<VarianceComponents> {
+    /// and `rest` where it does not; none where it has no functions, or weighs readings by them already.
+    pub(super) fn known_components(&self, rest: [f64; 2]) -> Option<VarianceComponents> {
         let uncertain = Some(&self.belief.uncertain)
             .filter(|_| self.choices.uses_joint_errors && !self.is_sharing_known)?;
         let functions = uncertain.joint_functions();
         // One size for all readings, that of loaded ones where there are any.
         let mut loads = self.observations.iter().map(|each| each.setup.load);
         let load = loads.find(|load| *load != Load::NONE).unwrap_or(Load::NONE);
-        (!functions.is_empty()).then(|| {
-            let rest = rest().unwrap_or_default();
-            VarianceComponents {
-                functions,
-                rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
-            }
+        (!functions.is_empty()).then(|| VarianceComponents {
+            functions,
+            rest: [uncertain.discrepancy_m(&load).unwrap_or(rest[0]), rest[1]],
         })
     }
 

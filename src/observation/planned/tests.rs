@@ -5,6 +5,7 @@ use std::num::NonZeroU32;
 use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Matrix3xX, Matrix6, Matrix6xX, Vector3};
 
 use super::PlannedReadings;
+use crate::experiment::Experiment;
 use crate::mujoco::TorqueLaw;
 use crate::observation::{DeflectionPrecision, ObservationModel, ReadingKind, Setup};
 use crate::parameter::arms::{Numbers, heavy, random, random_elastic, ur10};
@@ -443,7 +444,7 @@ fn covariances_are_those_of_what_changes() {
         let error = (covariance(&first) - expected).amax();
         assert!(error < 1e-6 * expected.amax(), "{error}");
         // Of three repeats as of so many independent readings: what they share counts three times.
-        let shared = first.covariance_shared(&load, &load);
+        let shared = first.covariance_shared([(&load, None); 2]);
         let shared = shared.fixed_view::<3, 3>(0, 0).into_owned();
         first.set_repeats(3);
         let error = (covariance(&first) - expected - shared * 2.0).amax();
@@ -583,5 +584,58 @@ fn what_compensation_leaves_is_what_the_arm_shows() {
                 parameter.name
             );
         }
+    }
+}
+
+/// What gauges along several directions read in one configuration shares errors as the coordinates do that a tracker would read there.
+#[test]
+fn directions_of_one_configuration_share_errors() {
+    let mut numbers = Numbers(77);
+    let along_sigma_m = 7e-6;
+    let gauge = DeflectionPrecision {
+        along_sigma_m: Some(along_sigma_m),
+        ..DEFLECTIONS
+    };
+    for arm in bare_arms(&mut numbers) {
+        let set = ParameterSet::compliances(&arm, &[0, 1]).expect("a set");
+        let sources: Vec<ReadingSource> = (every_source(&mut numbers, &arm).into_iter())
+            .filter(|source| source.is_of_deflection(true) && source.is_of_deflection(false))
+            .collect();
+        let q = configuration(&mut numbers, &arm);
+        let directions = [Vector3::x(), Vector3::z(), Vector3::new(0.6, 0.0, 0.8)];
+        let read = directions.map(|direction| Experiment {
+            configuration_rad: DVector::from_column_slice(&q),
+            load: load(&mut numbers, false),
+            repeats: 1,
+            approach: None,
+            direction: Some(direction),
+        });
+        let read: Vec<&Experiment> = read.iter().collect();
+        let whole = read.iter().map(|each| Experiment {
+            direction: None,
+            ..(*each).clone()
+        });
+        let whole: Vec<Experiment> = whole.collect();
+        let whole: Vec<&Experiment> = whole.iter().collect();
+        let [mut along, mut all] = [gauge, DEFLECTIONS].map(|precision| {
+            let mut readings = PlannedReadings::new(&arm, 0, &set, &[1e-6; 2], precision, &sources);
+            readings.stand_at(read[0]);
+            readings
+        });
+        let mut shown = DMatrix::zeros(3, 9);
+        for (place, direction) in directions.iter().enumerate() {
+            (shown.fixed_view_mut::<1, 3>(place, 3 * place)).copy_from(&direction.transpose());
+        }
+        let seen = &shown * all.derivatives_together(&whole);
+        let sources = all.covariance_together(&whole).sources;
+        let sources = (sources.iter()).fold(DMatrix::zeros(9, 9), |sum, source| sum + source);
+        let covariance =
+            &shown * sources * shown.transpose() + DMatrix::identity(3, 3) * along_sigma_m.powi(2);
+        let inverse = covariance.try_inverse().expect("regular");
+        let expected = seen.transpose() * inverse * seen;
+        let told = along.observe_together(&read);
+        let told = (told.iter()).fold(DMatrix::zeros(2, 2), |sum, rows| sum + rows.tr_mul(rows));
+        let error = (&told - &expected).amax();
+        assert!(error < 1e-9 * expected.amax(), "{told} {expected}");
     }
 }

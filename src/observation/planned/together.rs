@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use crate::robot::Load;
+use crate::experiment::Experiment;
 
 /// The covariance of the readings of all experiments of one configuration, taken so that r readings of each that are independent
 /// of one another tell as much as they do: with the mean readings' covariance C and the repeats D, it is D^1/2 C D^1/2.
@@ -23,7 +23,7 @@ impl CovarianceTogether {
 
     /// Makes columns (of readings, one experiment's below the other's) those of whitened readings, each of as many as there are
     /// repeats.
-    pub fn whiten(&self, experiments: &[(Load, u32)], columns: &mut DMatrix<f64>) {
+    pub fn whiten(&self, experiments: &[&Experiment], columns: &mut DMatrix<f64>) {
         let rows = columns.nrows() / experiments.len();
         weigh_repeats(experiments, rows, columns, 1.0);
         let covariance = self.all();
@@ -37,9 +37,9 @@ impl CovarianceTogether {
 }
 
 /// Rows of each experiment times the root of its repeats, or over it.
-fn weigh_repeats(experiments: &[(Load, u32)], rows: usize, columns: &mut DMatrix<f64>, power: f64) {
-    for (place, &(_, repeats)) in experiments.iter().enumerate() {
+fn weigh_repeats(experiments: &[&Experiment], rows: usize, columns: &mut DMatrix<f64>, power: f64) {
+    for (place, experiment) in experiments.iter().enumerate() {
         let mut own = columns.rows_mut(rows * place, rows);
-        own *= f64::from(repeats).sqrt().powf(power);
+        own *= f64::from(experiment.repeats).sqrt().powf(power);
     }
 }

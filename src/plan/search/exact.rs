@@ -5,16 +5,15 @@ use std::sync::atomic::Ordering;
 use rayon::prelude::*;
 
 use super::approximate::ApproximateDesign;
-use super::candidates::Candidates;
 use super::error::SearchError;
 use super::exact_plan::ExactDesign;
 use super::local::{LocalSearch, Precision};
 use super::point::Point;
 use super::problem::Problem;
 use super::refinement::{Found, Refinement};
+use super::several_loads::with_several_loads;
 use super::size::PlanSize;
 use super::watch::Watch;
-use crate::experiment::{Candidate, Experiment, together};
 use crate::numeric::random::{generator, streams};
 use crate::plan::Plan;
 
@@ -76,35 +75,6 @@ pub fn exact_design(
     };
     design.take_if(|design| !problem.is_determined_by(&design.plan));
     design.ok_or(singular)
-}
-
-/// The best plan of a size that is chosen from configurations that a search met, and mandatory ones, under each of the listed loads, read
-/// along each direction: where configurations are fewer than measurements several may be in one. None where nothing is to be chosen, or no
-/// plan determines the compliances.
-fn with_several_loads(
-    problem: &Problem<'_>,
-    size: PlanSize,
-    met: &[Point],
-    seed: u64,
-    watch: Watch<'_>,
-) -> Option<ExactDesign> {
-    let task = problem.task;
-    let mandatory = &task.design.mandatory;
-    let loads = task.loads.listed()?.len();
-    let is_one = loads * task.directions.len() == 1 && mandatory.experiments.is_empty();
-    let free = size.beside(mandatory);
-    if is_one || free.configurations >= free.measurements {
-        return None;
-    }
-    let met = met.iter().map(|point| point.experiment(1));
-    let places: Vec<Experiment> = mandatory.experiments.iter().cloned().chain(met).collect();
-    let firsts = together(places.len(), |place| places[place].pose(), |_, _| true);
-    let rows = firsts
-        .iter()
-        .map(|group| Candidate::at(places[group[0]].pose()));
-    let candidates = Candidates::new(task, &rows.collect::<Vec<_>>()).ok()?;
-    let found = candidates.search(problem, size, seed, Watch::quiet(watch.stop));
-    Some(found.ok()?.0)
 }
 
 /// The refined plan near the weights of an approximate design for the same criterion, of so many measurements, of which so many are free

@@ -6,9 +6,9 @@ use nalgebra::{DMatrix, Matrix3xX, Vector3};
 use slsqp::{Func, StopTols, minimize};
 
 use super::observation::MatrixEvaluator;
-use super::point::{Point, force, in_directions, information_in};
+use super::point::{Point, experiment, force, in_directions, information_in};
 use super::problem::Problem;
-use crate::experiment::Loads;
+use crate::experiment::{Experiment, Loads};
 use crate::numeric::factorisation::finite_eigen;
 use crate::plan::SmoothBound;
 use crate::robot::Load;
@@ -23,6 +23,9 @@ const SLACK: f64 = 0.99 * INSET;
 const SMALL: usize = 6;
 /// but not fewer than these: the next sweep goes on.
 const FEWEST: usize = 12;
+
+/// How far joints (rad, m), and loads as shares of the largest, are moved to see what follows them.
+const SHIFT: f64 = 1e-5;
 
 /// When a local search ends.
 #[derive(Debug, Clone, Copy)]
@@ -100,6 +103,32 @@ impl FreeLoad<'_> {
             Self::Size(direction, [_, high]) => force(&direction, variables[0] * high),
             Self::Force(size) => force(&Vector3::from_column_slice(variables), size),
         }
+    }
+
+    /// The variables of several loads, one's behind the other's, and their ranges.
+    fn variables_of(self, loads: &[Load]) -> (Vec<f64>, Vec<(f64, f64)>) {
+        let (mut all, mut ranges) = (Vec::new(), Vec::new());
+        for load in loads {
+            let (own, within) = self.variables(load);
+            all.extend(own);
+            ranges.extend(within);
+        }
+        (all, ranges)
+    }
+
+    /// The loads of these.
+    fn loads(
+        self,
+        evaluator: &MatrixEvaluator<'_>,
+        given: &[Load],
+        variables: &[f64],
+    ) -> Vec<Load> {
+        let each = variables.len() / given.len();
+        let loads = given.iter().enumerate();
+        let own = |place: usize| &variables[each * place..each * (place + 1)];
+        loads
+            .map(|(place, load)| self.load(evaluator, load, own(place)))
+            .collect()
     }
 
     /// From a derivative with respect to the force (per N) to those with respect to the variables.
@@ -332,16 +361,10 @@ impl<'a> LocalSearch<'a> {
     ) -> Option<Point> {
         let (joints, direction) = (start.q.len(), start.direction);
         self.at(&start.q).readings.read_along(direction.as_ref());
-        let (variables, of_load) = free.variables(&start.load);
-        let x = [&*start.q, &variables].concat();
-        let ranges = [&*self.problem.ranges, &of_load].concat();
-        let load_of = |evaluator: &MatrixEvaluator<'_>, x: &[f64]| {
-            free.load(evaluator, &start.load, &x[joints..])
-        };
         let matrices = RefCell::new((start.matrix.clone(), start.matrix.clone()));
         let objective = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
             let mut evaluator = self.at(&x[..joints]);
-            let load = load_of(&evaluator, x);
+            let load = free.load(&evaluator, &start.load, &x[joints..]);
             let (matrix, factor) = &mut *matrices.borrow_mut();
             evaluator.observe(&load, matrix);
             let Some(gradient) = gradient else {
@@ -356,60 +379,141 @@ impl<'a> LocalSearch<'a> {
             }
             unit * value
         };
+        let (q, loads) = self.minimise(&objective, &start.q, &[start.load], free, precision)?;
+        Some(self.point(&q, &loads[0], direction))
+    }
+
+    /// Improves the experiments of one configuration, turned together: minimises a cost of what they tell together, which writes minus its
+    /// derivatives where these are wanted.
+    pub fn improve_together(
+        &self,
+        experiments: &[Experiment],
+        cost: &dyn Fn(&DMatrix<f64>, Option<&mut DMatrix<f64>>) -> f64,
+        precision: Precision,
+    ) -> Option<Vec<Experiment>> {
+        let (joints, free) = (self.problem.ranges.len(), self.free_load());
+        let q = experiments[0].configuration_rad.as_slice();
+        let loads: Vec<Load> = experiments.iter().map(|each| each.load).collect();
+        let at = |x: &[f64]| {
+            let evaluator = self.at(&x[..joints]);
+            let loads = free.loads(&evaluator, &loads, &x[joints..]);
+            let moved = experiments.iter().zip(loads);
+            let moved = moved
+                .map(|(each, load)| experiment(&x[..joints], load, each.direction, each.repeats));
+            moved.collect::<Vec<_>>()
+        };
+        let told = |x: &[f64]| {
+            let moved = at(x);
+            let mut evaluator = self.at(&x[..joints]);
+            evaluator.told_together(&moved.iter().collect::<Vec<_>>())
+        };
+        let unit = cost(&told(&[q, &free.variables_of(&loads).0].concat()), None).recip();
+        let objective = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
+            let here = told(x);
+            let Some(gradient) = gradient else {
+                return unit * cost(&here, None);
+            };
+            let mut directions = here.clone();
+            let value = cost(&here, Some(&mut directions));
+            let mut moved = x.to_vec();
+            for (place, slope) in gradient.iter_mut().enumerate() {
+                let mut beside = |shift: f64| {
+                    moved[place] = x[place] + shift;
+                    told(&moved).dot(&directions)
+                };
+                *slope = -unit * (beside(SHIFT) - beside(-SHIFT)) / (2.0 * SHIFT);
+                moved[place] = x[place];
+            }
+            unit * value
+        };
+        let found = self.minimise(&objective, q, &loads, free, precision);
+        self.set_repeats(1);
+        let (q, loads) = found?;
+        let turned = experiments.iter().zip(loads);
+        let turned = turned.map(|(each, load)| experiment(&q, load, each.direction, each.repeats));
+        Some(turned.collect())
+    }
+
+    /// Minimises a function of joint angles and of what is free of the loads that hang there, from within the bounds; `None` where the
+    /// optimiser fails.
+    fn minimise(
+        &self,
+        objective: &dyn Func<()>,
+        q: &[f64],
+        loads: &[Load],
+        free: FreeLoad<'_>,
+        precision: Precision,
+    ) -> Option<(Vec<f64>, Vec<Load>)> {
+        let joints = q.len();
+        let (variables, of_loads) = free.variables_of(loads);
+        let each = variables.len() / loads.len();
+        let x = [q, &variables].concat();
+        let ranges = [&*self.problem.ranges, &of_loads].concat();
         // Not positive inside.
-        let constraint = |bound: SmoothBound| {
+        let constraint = |(place, bound): (usize, SmoothBound)| {
+            let own = joints + each * place..joints + each * (place + 1);
             move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
                 let evaluator = self.at(&x[..joints]);
-                let (state, load) = (evaluator.readings.state(), load_of(&evaluator, x));
+                let state = evaluator.readings.state();
+                let load = free.load(&evaluator, &loads[place], &x[own.clone()]);
                 if let Some(gradient) = gradient {
-                    let (of_joints, of_load) = gradient.split_at_mut(joints);
-                    of_load.fill(0.0);
-                    if !of_load.is_empty()
+                    gradient[joints..].fill(0.0);
+                    if each > 0
                         && let Some(slope) = bound.force_derivative(state)
                     {
-                        free.pull_back(&-slope, of_load);
+                        free.pull_back(&-slope, &mut gradient[own.clone()]);
                     }
-                    for (joint, slope) in of_joints.iter_mut().enumerate() {
+                    for (joint, slope) in gradient[..joints].iter_mut().enumerate() {
                         *slope = -bound.derivative(state, &load, &self.gravity, joint);
                     }
                 }
                 INSET - bound.margin(state, &load, &self.gravity)
             }
         };
-        let force_size = |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
-            let force = &x[joints..];
-            if let Some(gradient) = gradient {
-                gradient.fill(0.0);
-                for (slope, value) in gradient[joints..].iter_mut().zip(force) {
-                    *slope = 2.0 * value;
+        let force_size = |place: usize| {
+            let own = joints + each * place..joints + each * (place + 1);
+            move |x: &[f64], gradient: Option<&mut [f64]>, (): &mut ()| {
+                let force = &x[own.clone()];
+                if let Some(gradient) = gradient {
+                    gradient.fill(0.0);
+                    for (slope, value) in gradient[own.clone()].iter_mut().zip(force) {
+                        *slope = 2.0 * value;
+                    }
                 }
+                force.iter().map(|value| value * value).sum::<f64>() - 1.0
             }
-            force.iter().map(|value| value * value).sum::<f64>() - 1.0
         };
-        let constraints: Vec<_> = self
-            .problem
-            .bounds
-            .iter()
-            .map(|&bound| constraint(bound))
+        let bounds = self.problem.bounds.iter();
+        let constraints: Vec<_> = (0..loads.len())
+            .flat_map(|place| bounds.clone().map(move |&bound| (place, bound)))
+            .filter(|(place, bound)| *place == 0 || bound.is_of_load())
+            .map(constraint)
             .collect();
-        let mut constraints: Vec<&dyn Func<()>> =
-            constraints.iter().map(|each| each as _).collect();
-        if let FreeLoad::Force(_) = free {
-            constraints.push(&force_size);
-        }
-        let mut x = run(&objective, &x, &ranges, &constraints, precision)?;
-        if let FreeLoad::Force(_) = free {
+        let is_force = matches!(free, FreeLoad::Force(_));
+        let sizes: Vec<_> = (0..loads.len())
+            .filter(|_| is_force)
+            .map(force_size)
+            .collect();
+        let constraints: Vec<&dyn Func<()>> = (constraints.iter().map(|each| each as _))
+            .chain(sizes.iter().map(|each| each as _))
+            .collect();
+        let mut x = run(objective, &x, &ranges, &constraints, precision)?;
+        if is_force {
             // The optimiser may end with too large a force; where the largest is best but the cost has
             // kinks, with too small a one.
-            let force = x[joints..].iter().map(|value| value * value).sum::<f64>();
-            if force > 1.0 || (force > 0.0 && !self.problem.is_force_bounded()) {
-                for value in &mut x[joints..] {
-                    *value /= force.sqrt();
+            for force in x[joints..].chunks_exact_mut(each) {
+                let square = force.iter().map(|value| value * value).sum::<f64>();
+                if square > 1.0 || (square > 0.0 && !self.problem.is_force_bounded()) {
+                    for value in force {
+                        *value /= square.sqrt();
+                    }
                 }
             }
         }
-        let (q, load) = (&x[..joints], load_of(&self.at(&x[..joints]), &x));
-        (self.is_inside(q, &load)).then(|| self.point(q, &load, direction))
+        let (q, variables) = x.split_at(joints);
+        let loads = free.loads(&self.at(q), loads, variables);
+        let is_inside = loads.iter().all(|load| self.is_inside(q, load));
+        is_inside.then(|| (q.to_vec(), loads))
     }
 }
 

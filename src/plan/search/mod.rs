@@ -38,6 +38,7 @@ mod proved;
 mod refinement;
 mod relevance;
 mod sampling;
+mod several_loads;
 mod size;
 mod watch;
 mod weighing;

@@ -4,7 +4,6 @@ use nalgebra::{DMatrix, Matrix3, Matrix3xX, Vector3};
 
 use crate::experiment::Experiment;
 use crate::observation::{ComplianceColumns, PlannedReadings};
-use crate::plan::stand_at;
 use crate::robot::Load;
 
 /// How far joints are moved to see what follows them (rad, m).
@@ -80,17 +79,17 @@ impl<'a> MatrixEvaluator<'a> {
         matrix: &mut Matrix3xX<f64>,
     ) {
         self.readings.set_repeats(repeats);
-        stand_at(&mut self.readings, experiment);
+        self.readings.stand_at(experiment);
         self.observe(&experiment.load, matrix);
     }
 
-    /// What experiments of the last configuration tell together, p x p: loads, and how often each is measured.
-    pub fn told_together(&mut self, experiments: &[(Load, u32)]) -> DMatrix<f64> {
+    /// What experiments of the last configuration tell together, p x p.
+    pub fn told_together(&mut self, experiments: &[&Experiment]) -> DMatrix<f64> {
         let size = self.readings.parameters();
         let rows = self.readings.observe_together(experiments);
         let each = rows.iter().zip(experiments);
-        let told = each.fold(DMatrix::zeros(size, size), |sum, (rows, &(_, repeats))| {
-            sum + rows.tr_mul(rows) * f64::from(repeats)
+        let told = each.fold(DMatrix::zeros(size, size), |sum, (rows, experiment)| {
+            sum + rows.tr_mul(rows) * f64::from(experiment.repeats)
         });
         match &self.basis {
             None => told,
@@ -103,7 +102,7 @@ impl<'a> MatrixEvaluator<'a> {
     pub fn gradient_together(
         &mut self,
         q: &[f64],
-        experiments: &[(Load, u32)],
+        experiments: &[&Experiment],
         directions: &DMatrix<f64>,
         gradient: &mut [f64],
     ) {

@@ -15,8 +15,8 @@ use crate::experiment::Loads;
 use crate::numeric::estimable::Estimable;
 use crate::observation::{ComplianceColumns, PlannedReadings};
 use crate::plan::{
-    Bounded, Criterion, CriterionFunction, Experiment, Plan, SmoothBound, as_repeats, bounds_of,
-    hung, sharing_groups, stand_at, task_rows, widened,
+    Criterion, CriterionFunction, Experiment, Plan, SmoothBound, as_repeats, bounds_of,
+    sharing_groups, task_rows, widened,
 };
 use crate::task::{Extended, Region, Task, TestPose};
 
@@ -363,7 +363,7 @@ impl<'a> Problem<'a> {
     /// Whether bounds of the region depend on the load. Otherwise the largest force is best: information grows
     /// with the square of its size, and the criterion is the better for more of every information.
     pub(super) fn is_force_bounded(&self) -> bool {
-        (self.bounds.iter()).any(|bound| matches!(bound.of, Bounded::Torque(_)))
+        self.bounds.iter().any(SmoothBound::is_of_load)
     }
 
     /// The criterion whose approximate design is this problem's.
@@ -457,8 +457,8 @@ impl<'a> Problem<'a> {
                 evaluator.observe_experiment(alone, alone.repeats, &mut matrix);
                 add_information(&mut information, &matrix, f64::from(alone.repeats));
             } else {
-                stand_at(&mut evaluator.readings, group[0]);
-                information += evaluator.told_together(&hung(&group));
+                evaluator.readings.stand_at(group[0]);
+                information += evaluator.told_together(&group);
             }
         }
         information
@@ -484,9 +484,9 @@ impl<'a> Problem<'a> {
             let is_own =
                 |group: &&Vec<&Experiment>| group.len() > 1 && group[0].stands_as(experiment);
             if let Some(group) = groups.iter().find(is_own) {
-                stand_at(&mut evaluator.readings, experiment);
+                evaluator.readings.stand_at(experiment);
                 let q = experiment.configuration_rad.as_slice();
-                evaluator.gradient_together(q, &hung(group), &directions, &mut gradient);
+                evaluator.gradient_together(q, group, &directions, &mut gradient);
                 return gradient;
             }
             evaluator.observe_experiment(experiment, experiment.repeats, &mut matrix);

@@ -120,6 +120,14 @@ impl<'a> RandomPlans<'a> {
         })
     }
 
+    /// Whether experiments are clear of collisions and in sight.
+    pub(super) fn are_clear(&mut self, experiments: &[Experiment]) -> bool {
+        experiments.iter().all(|each| {
+            let (q, direction) = (each.configuration_rad.as_slice(), each.direction.as_ref());
+            self.feasibility.is_clear(q, &each.load, direction)
+        })
+    }
+
     /// An experiment that keeps the smooth bounds only.
     pub(super) fn draw_inside(&self, random: &mut impl Rng) -> Option<Point> {
         let drawn = (0..ATTEMPTS).find_map(|_| self.inside(random))?;

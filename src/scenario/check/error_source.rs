@@ -433,11 +433,6 @@ fn other_instrument(table: &UncertaintyTable, instrument: &Instrument) -> Option
         Kind::StationPosition | Kind::StationRotation if instrument.lengths().next().is_none() => {
             Some("is of a place that lengths are read from, and the instrument reads none")
         }
-        // Harmonics are the robot's own.
-        Kind::TransmissionError if table.harmonics.is_some() => None,
-        Kind::Discrepancy | Kind::TransmissionError if reads_along != Never => Some(
-            "is shared by all deflections of a configuration, which displacements along a direction are not planned with",
-        ),
         _ => None,
     }
 }

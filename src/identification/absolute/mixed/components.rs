@@ -31,6 +31,10 @@ const EDGE: f64 = 1e-3;
 /// A deviation (m, rad), or a length, no larger than this is none.
 const NOTHING: f64 = 1.001e-9;
 const MOST_REACH: f64 = 7.0;
+/// An interval of the logarithm of a function's variance that reaches so far is asked whether there may be no function.
+const DOUBTFUL: f64 = 1.0;
+/// Another correlation than the first is taken where the logarithm of its likelihood is larger by this: seven times as likely.
+const CLEARLY: f64 = 2.0;
 
 impl MixedModel {
     /// The likeliest variance components of parts that are as sparse as plans (every k-th pose), all the same, with the likeliest of the
@@ -50,11 +54,15 @@ impl MixedModel {
             let best = likelihood.likeliest(first.start())?;
             Some((best, likelihood, correlation))
         });
-        // Of equally likely ones the first.
-        let found = found.into_iter().flatten().rev();
-        let logarithm = |best: &Likeliest| best.found.logarithm;
+        // Few poses may by chance look smoother than they are.
+        let logarithm = |best: &Likeliest, correlation: Correlation| {
+            let is_first = correlation == Correlation::ALL[0];
+            best.found.logarithm - if is_first { 0.0 } else { CLEARLY }
+        };
         let (best, likelihood, correlation) =
-            found.max_by(|(one, ..), (other, ..)| logarithm(one).total_cmp(&logarithm(other)))?;
+            (found.into_iter().flatten()).max_by(|one, other| {
+                logarithm(&one.0, one.2).total_cmp(&logarithm(&other.0, other.2))
+            })?;
         let found = first.at(&best.at, correlation);
         let intervals = self.intervals(&best, &likelihood, &found, parts.len());
         let function = |(place, &joint): (usize, &usize)| JointFunction {
@@ -125,8 +133,15 @@ impl MixedModel {
             for (&place, variance) in inner.iter().zip(&inverse_of(&factor).diagonal()) {
                 let whole = variance + again * of_course(place).unwrap_or(0.0);
                 let reach = TWO_SIDED_95 * whole.sqrt();
-                let ends = [at[place] - reach, at[place] + reach];
-                intervals[place] = (reach < MOST_REACH).then_some(ends);
+                let is_function = (2..2 + self.joints.len()).contains(&place);
+                let is_doubtful = is_function && reach > DOUBTFUL;
+                let may_be_none = is_doubtful && likelihood.may_be_nothing(best, place);
+                let lower = if may_be_none {
+                    low[place]
+                } else {
+                    at[place] - reach
+                };
+                intervals[place] = (reach < MOST_REACH).then_some([lower, at[place] + reach]);
             }
         }
         // What else is new somewhere may be next to nothing: that is told by how much less likely it is, and not by a curvature.

@@ -72,11 +72,7 @@ impl MixedModel {
         }
     }
 
-    /// The standard deviations of what is new where no reading is, of positions (m) and rotations (rad), by the likeliest variances.
-    pub fn rest(&self) -> Option<[f64; 2]> {
-        Some(self.rest_by(&self.likeliest()?.variances))
-    }
-
+    /// The standard deviations of what is new where no reading is, of positions (m) and rotations (rad).
     fn rest_by(&self, variances: &MixedVariances) -> [f64; 2] {
         let mut coordinates = self.visits.iter().flat_map(|visit| &visit.coordinates);
         let has_rotations = coordinates.any(|coordinate| *coordinate >= 3);
