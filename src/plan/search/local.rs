@@ -57,6 +57,9 @@ impl Precision {
 pub(super) type MatrixCost<'c> =
     dyn Fn(&Matrix3xX<f64>, Option<(&mut Matrix3xX<f64>, f64)>) -> f64 + 'c;
 
+/// A cost of what experiments tell (p x p); it writes minus its derivative by that where it is wanted.
+pub(super) type InformationCost<'c> = dyn Fn(&DMatrix<f64>, Option<&mut DMatrix<f64>>) -> f64 + 'c;
+
 /// Local searches over one experiment; one for each thread.
 #[derive(Debug, Clone)]
 pub(super) struct LocalSearch<'a> {
@@ -388,7 +391,7 @@ impl<'a> LocalSearch<'a> {
     pub fn improve_together(
         &self,
         experiments: &[Experiment],
-        cost: &dyn Fn(&DMatrix<f64>, Option<&mut DMatrix<f64>>) -> f64,
+        cost: &InformationCost<'_>,
         precision: Precision,
     ) -> Option<Vec<Experiment>> {
         let (joints, free) = (self.problem.ranges.len(), self.free_load());
